@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.gimbal_route import pointing_error
     from orientd.mechanism.joint_path import JointPath, ToolLimits
+    from orientd.mechanism.keep_out_slews import Clearance
     from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve, Rows
     from orientd.mechanism.pacing import pace
     from orientd.mechanism.routing import joints_along, route, route_at_times
@@ -33,6 +34,7 @@ __getattr__ = lazily(
         "orientd.mechanism.gimbal": ("Gimbal",),
         "orientd.mechanism.gimbal_route": ("pointing_error",),
         "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),
+        "orientd.mechanism.keep_out_slews": ("Clearance",),
         "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve", "Rows"),
         "orientd.mechanism.pacing": ("pace",),
         "orientd.mechanism.routing": ("joints_along", "route", "route_at_times"),

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.mechanism.gimbal import Functions, Gimbal, Kinematics
+from orientd.mechanism.gimbal import LOCK, Functions, Gimbal, Kinematics
 from orientd.rotation import Floats, normalize
 
 _OF_ARRAYS = Functions(np.sin, np.cos, np.arctan2, np.hypot)
+_THROUGH = 2
+"""Number of samples at the pole that still count as a path straight through it."""
 
 
 def of_arrays(gimbal: Gimbal) -> Kinematics:
@@ -53,3 +55,53 @@ def wrapped(angle: Floats) -> Floats:
     """Return an angle without whole turns, in (-pi, pi]."""
     less: Floats = np.asarray(angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi)))
     return less
+
+
+def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tuple[Floats, Floats]:
+    """Return one continuous line of exact outer angles, and the distance from the pole.
+
+    Exact angles lie half a turn apart, so the line is straight if the path goes through the pole.
+    While the path stays at the pole any angle is exact, and the outer axis alone turns the tool.
+    The line may then jump if the path leaves in another direction.
+
+    Args:
+        gimbal: the gimbal.
+        matrix: as from :func:`.matrices`, shape ``(9, n)``.
+        first: outer angle at the start of a path that begins at the pole, rad; by default the one
+            with which it leaves the pole.
+
+    Returns:
+        Angles in rad and the sine of the distance from the pole, both of shape ``(n,)``.
+    """
+    outer, sine = of_arrays(gimbal).pointing(matrix)
+    is_known = sine > LOCK
+    known = np.nonzero(is_known)[0]
+    if known.size:
+        line = np.interp(np.arange(len(outer)), known, np.unwrap(outer[known], period=np.pi))
+    else:
+        line = np.zeros_like(outer)
+    edges = np.nonzero(np.diff(np.concatenate([[True], is_known, [True]])))[0]
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if begin > 0 and end - begin <= _THROUGH:
+            continue
+        turn = _turn_at_pole(gimbal, matrix[:, begin:end])
+        if begin:
+            line[begin:end] = line[begin - 1] + turn
+        elif first is not None:
+            line[:end] = first + turn
+        elif end < len(line):
+            line[:end] = line[end] + turn - turn[-1]
+        else:
+            line += turn
+        if 0 < end < len(line):
+            line[end:] += np.pi * np.round((line[end - 1] - line[end]) / np.pi)
+    return line, sine
+
+
+def _turn_at_pole(gimbal: Gimbal, matrix: Floats) -> Floats:
+    """Return the turn of the outer axis while the inner ones stand still, from 0 on, rad."""
+    count = matrix.shape[1]
+    if len(gimbal.axes) == 2:
+        return np.zeros(count)
+    turn = np.unwrap(of_arrays(gimbal).outer_at_pole(matrix, np.zeros(count)))
+    return np.asarray(turn - turn[0], dtype=np.float64)

@@ -15,7 +15,14 @@ import numpy as np
 
 from orientd.driver import AxisLimits, Quaternion
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
-from orientd.mechanism.arrays import joints_at, matrices, of_arrays, orientations, wrapped
+from orientd.mechanism.arrays import (
+    joints_at,
+    matrices,
+    of_arrays,
+    orientations,
+    outer_line,
+    wrapped,
+)
 from orientd.mechanism.branches import Bools, Choice, candidates, choose, continued
 from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
@@ -32,7 +39,7 @@ from orientd.mechanism.joint_path import (
     refuse_range,
     refuse_rates,
 )
-from orientd.mechanism.pole import Passage, outer_line, passages, windows
+from orientd.mechanism.pole import Passage, passages, windows
 from orientd.mechanism.slews import Slew, stop_time, with_stops
 from orientd.rotation import Floats, angle, conjugate, exp, log, multiply, rotate
 

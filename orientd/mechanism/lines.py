@@ -2,7 +2,7 @@ r"""Lines of axis angles along a path: one for each branch of a gimbal and each 
 
 On a line the axes point exactly where the path does.  An axis that would leave its range stays at
 the end of it, with an error.  So every line covers the whole path.
-Two lines have outer angles that lie half turns apart (:mod:`orientd.mechanism.pole`).
+Two lines have outer angles that lie half turns apart (:func:`.outer_line`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from orientd.driver import AxisLimits
-from orientd.mechanism.arrays import joints_at, matrices, of_arrays
+from orientd.mechanism.arrays import joints_at, matrices, of_arrays, outer_line
 from orientd.mechanism.gimbal import Gimbal
-from orientd.mechanism.pole import outer_line
 from orientd.rotation import Floats
 
 Bools = np.ndarray[Any, np.dtype[np.bool_]]

@@ -16,18 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.driver import AxisLimits
-from orientd.mechanism.arrays import joints_at, of_arrays
-from orientd.mechanism.gimbal import LOCK, Gimbal
+from orientd.mechanism.arrays import joints_at, of_arrays, outer_line
+from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import Bounds, rates
-from orientd.mechanism.timing import quintic
+from orientd.mechanism.timing import quintic, smooth
 from orientd.rotation import Floats
 
 _BRANCHES = (0, 1, -1, 2, -2)
 _BISECTIONS = 20
 _SPEED_SHARE = 0.99
 """Share of an axis' velocity; where the line bends, an axis is faster between two records."""
-_THROUGH = 2
-"""Number of samples at the pole that still count as a path straight through it."""
 _CLOSE = 0.2
 """Share of an axis' limit from which a sample counts as near the pole."""
 
@@ -61,56 +59,6 @@ class Passage:
         if turn > np.pi / 2:
             return "flip"
         return "pass" if self.branch % 2 else "deviation"
-
-
-def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tuple[Floats, Floats]:
-    """Return one continuous line of exact outer angles, and the distance from the pole.
-
-    Exact angles lie half a turn apart, so the line is straight if the path goes through the pole.
-    While the path stays at the pole any angle is exact, and the outer axis alone turns the tool.
-    The line may then jump if the path leaves in another direction.
-
-    Args:
-        gimbal: the gimbal.
-        matrix: as from :func:`.matrices`, shape ``(9, n)``.
-        first: outer angle at the start of a path that begins at the pole, rad; by default the one
-            with which it leaves the pole.
-
-    Returns:
-        Angles in rad and the sine of the distance from the pole, both of shape ``(n,)``.
-    """
-    outer, sine = of_arrays(gimbal).pointing(matrix)
-    is_known = sine > LOCK
-    known = np.nonzero(is_known)[0]
-    if known.size:
-        line = np.interp(np.arange(len(outer)), known, np.unwrap(outer[known], period=np.pi))
-    else:
-        line = np.zeros_like(outer)
-    edges = np.nonzero(np.diff(np.concatenate([[True], is_known, [True]])))[0]
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if begin > 0 and end - begin <= _THROUGH:
-            continue
-        turn = _turn_at_pole(gimbal, matrix[:, begin:end])
-        if begin:
-            line[begin:end] = line[begin - 1] + turn
-        elif first is not None:
-            line[:end] = first + turn
-        elif end < len(line):
-            line[:end] = line[end] + turn - turn[-1]
-        else:
-            line += turn
-        if 0 < end < len(line):
-            line[end:] += np.pi * np.round((line[end - 1] - line[end]) / np.pi)
-    return line, sine
-
-
-def _turn_at_pole(gimbal: Gimbal, matrix: Floats) -> Floats:
-    """Return the turn of the outer axis while the inner ones stand still, from 0 on, rad."""
-    count = matrix.shape[1]
-    if len(gimbal.axes) == 2:
-        return np.zeros(count)
-    turn = np.unwrap(of_arrays(gimbal).outer_at_pole(matrix, np.zeros(count)))
-    return np.asarray(turn - turn[0], dtype=np.float64)
 
 
 def windows(line: Floats, bounds: Bounds) -> list[tuple[int, int]]:
@@ -204,7 +152,7 @@ def _attempt(
         high[free[-1] + 1 :] += branch * np.pi
     period, limit = bounds.period, bounds.axes[0]
     # Add exact samples on both sides of the string, so that its ends are rounded too.  Fade out the
-    # rounding itself where nothing bends.
+    # rounding itself if the string is straight there.
     room = min(_room(limit, period), (len(line) - 2) // 3)
     first, last = room, len(line) - 1 - room
     exact = line.copy()
@@ -277,21 +225,3 @@ def taut_string(low: ArrayLike, high: ArrayLike, start: float, end: float) -> Fl
         )
         at = to
     return line
-
-
-def smooth(line: Floats, width: int) -> Floats:
-    """Average over *width* samples on both sides, keeping the ends; bends become parabolas.
-
-    A line of slopes within v then has second differences within 2 v / (2 *width* + 1).
-
-    Args:
-        line: shape ``(n,)``.
-        width: samples to each side.
-    """
-    width = min(width, len(line) - 1)
-    if width < 1:
-        return line.copy()
-    padded = np.pad(line, width, mode="reflect", reflect_type="odd")
-    total = np.concatenate([[0.0], np.cumsum(padded)])
-    averaged: Floats = (total[2 * width + 1 :] - total[: -2 * width - 1]) / (2 * width + 1)
-    return averaged

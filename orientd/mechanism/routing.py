@@ -15,7 +15,7 @@ import numpy as np
 
 from orientd.driver import Joints, Quaternion, Vector3
 from orientd.errors import PlanError, StartError
-from orientd.mechanism.arrays import joints_at, matrices
+from orientd.mechanism.arrays import joints_at, matrices, outer_line
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.gimbal_route import certify, plan_axes, row_of
 from orientd.mechanism.joint_path import (
@@ -28,8 +28,8 @@ from orientd.mechanism.joint_path import (
     refuse_range,
     refuse_rates,
 )
+from orientd.mechanism.keep_out_slews import Clearance
 from orientd.mechanism.mechanism import Mechanism, Rows, inside
-from orientd.mechanism.pole import outer_line
 from orientd.mechanism.timed_route import TimedPath, timed_route
 from orientd.rotation import Floats, check_unit
 
@@ -87,6 +87,7 @@ def route_at_times(
     joints: Joints = (),
     before: Sequence[Joints] = (),
     tool: ToolLimits | None = None,
+    keep_out: tuple[Clearance, ...] = (),
 ) -> JointPath:
     """Return the joint path of a gimbal for a tool path that keeps its times.
 
@@ -100,6 +101,8 @@ def route_at_times(
         joints: planned or reported axis angles at the start, rad; empty if unknown.
         before: as for :func:`route`.
         tool: limits of the tool; none by default.
+        keep_out: clearances from keep-out cones that slews of two axes keep if they can; if one
+            cannot be kept, the next one counts.
 
     Raises:
         LimitError: an axis cannot follow.
@@ -114,7 +117,12 @@ def route_at_times(
     start = np.array(gimbal.solve(row_of(q[0]), joints)[0]) if joints else None
     at = np.arange(first, len(q))
     path = TimedPath(
-        q[first:], (at >= begin) & (at <= end), start, past if is_moving else past[:0], first > 0
+        q[first:],
+        (at >= begin) & (at <= end),
+        start,
+        past if is_moving else past[:0],
+        first > 0,
+        keep_out,
     )
     bounds = Bounds(period, planned(gimbal.axes), tool or ToolLimits())
     found, lead = timed_route(gimbal, path, bounds)

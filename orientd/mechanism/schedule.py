@@ -37,12 +37,15 @@ class Crossing(NamedTuple):
         last: index of the first sample on *goal*.
         origin: index of a line.
         goal: index of a line.
+        via: axis angles at the corners on the way, rad, shape ``(m, axes)``; ``None`` if the outer
+            axis turns evenly and the others do what is best.
     """
 
     first: int
     last: int
     origin: int
     goal: int
+    via: Floats | None = None
 
 
 class Schedule(NamedTuple):
@@ -57,6 +60,11 @@ class Schedule(NamedTuple):
     line: int
     crossings: tuple[Crossing, ...]
     lost: float
+
+    def at(self, sample: int) -> int:
+        """Return the line at a sample that is on one."""
+        passed = [one.goal for one in self.crossings if one.last <= sample]
+        return passed[-1] if passed else self.line
 
 
 class _Grid(NamedTuple):
@@ -117,10 +125,9 @@ def scheduled(
     if found is None:
         return None
     line, crossings, lost = found
-    refined = [
-        _refined(sky, grid, one, period, speed, tolerance, counts, is_open) for one in crossings
-    ]
-    return Schedule(line, tuple(refined), lost)
+    stride = int(grid.at[1])
+    best = [refined(sky, one, stride, period, axes, counts, tolerance) for one in crossings]
+    return Schedule(line, tuple(best), lost)
 
 
 def _is_open(sky: Sky) -> Bools:
@@ -234,25 +241,34 @@ def _shortest(
     while at > 0:
         before, origin = via[at, line]
         if before != at - 1 or origin != line:
-            crossings.append(Crossing(before, at, origin, line))
+            crossings.append(Crossing(int(grid.at[before]), int(grid.at[at]), origin, line))
         at, line = before, origin
     return line, crossings[::-1], lost
 
 
-def _refined(
+def refined(
     sky: Sky,
-    grid: _Grid,
     crossing: Crossing,
+    stride: int,
     period: float,
-    speed: Floats,
-    tolerance: float,
+    axes: Sequence[AxisLimits],
     counts: Bools,
-    is_open: Bools,
+    tolerance: float,
 ) -> Crossing:
-    """Return the crossing with its ends among all samples, around those of the coarse one."""
+    """Return a crossing with the best ends among all samples around its own.
+
+    Args:
+        sky: the path with its lines.
+        crossing: it begins and ends on the lines to within *stride* samples.
+        stride: samples by which it may begin earlier or later.
+        period: of the samples, s.
+        axes: limits of the axes that the plan may use.
+        counts: of each sample, whether being off the path there counts as lost, shape ``(n,)``.
+        tolerance: largest error that still counts as on the path, rad.
+    """
     origin, goal = (sky.lines[place] for place in (crossing.origin, crossing.goal))
-    stride = int(grid.at[1])
-    begin, end = int(grid.at[crossing.first]), int(grid.at[crossing.last])
+    speed = np.array([axis.velocity for axis in axes])
+    is_open, begin, end = _is_open(sky), crossing.first, crossing.last
     starts = np.unique(np.linspace(begin - stride, begin + stride, _REFINED).round().astype(int))
     starts = starts[(starts >= max(0, begin - stride)) & (starts < end)]
     lasts = np.arange(max(0, end - 3 * stride), min(len(sky.exact), end + 3 * stride))
@@ -262,8 +278,8 @@ def _refined(
     for first in starts.tolist():
         if np.any(origin.is_quick[min(first, begin) : max(first, begin)]):
             continue
-        gaps = np.abs(goal.joints[lasts] - origin.joints[first])
-        fits = np.all(gaps <= speed * ((lasts - first) * period)[:, None], axis=1) & (lasts > first)
+        needed = _needed(origin.joints[first], goal.joints[lasts], crossing.via, speed)
+        fits = (needed <= (lasts - first) * period) & (lasts > first)
         fits &= may_go_on[lasts]
         # It stays on the goal from there on.
         quick = np.append(np.flatnonzero(goal.is_quick[lasts[0] : end]) + lasts[0] + 1, 0)
@@ -272,9 +288,21 @@ def _refined(
             continue
         last = int(lasts[int(np.argmax(fits))])
         at = np.arange(first, last + 1)
-        here = np.linspace(origin.joints[first, 0], goal.joints[last, 0], len(at))
-        is_lost = (off_line(sky, here, at, is_open) > limit) & counts[at]
+        is_lost = counts[at]
+        if crossing.via is None:
+            here = np.linspace(origin.joints[first, 0], goal.joints[last, 0], len(at))
+            is_lost = is_lost & (off_line(sky, here, at, is_open) > limit)
         cost = period * (float(np.sum(is_lost)) + _LEAVING * (last - first))
         if cost < best[0]:
             best = (cost, first, last)
-    return Crossing(best[1], best[2], crossing.origin, crossing.goal)
+    return crossing._replace(first=best[1], last=best[2])
+
+
+def _needed(begin: Floats, ends: Floats, via: Floats | None, speed: Floats) -> Floats:
+    """Return the time that the axes need from one place by way of others to each of *ends*, s."""
+    seconds = 0.0
+    for corner in () if via is None else via:
+        seconds += float(np.max(np.abs(corner - begin) / speed))
+        begin = corner
+    found: Floats = seconds + np.max(np.abs(ends - begin) / speed, axis=1)
+    return found

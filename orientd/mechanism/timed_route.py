@@ -1,15 +1,17 @@
 """Axis angles of a gimbal for a path whose times are fixed: least time off it, told beforehand.
 
 The path does not wait for the axes.  Where they cannot follow, they leave it early, slew at full
-rate, and rejoin it (:mod:`orientd.mechanism.schedule`).  Corners between lines and slews are
+rate, and rejoin it (:mod:`orientd.mechanism.schedule`).  A slew that would enter a keep-out cone
+leads around it (:mod:`orientd.mechanism.keep_out_slews`).  Corners between lines and slews are
 rounded, so that acceleration is continuous.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +31,10 @@ from orientd.mechanism.joint_path import (
     losses_of,
     refuse_rates,
 )
+from orientd.mechanism.keep_out_slews import Clearance, Obstacles, around, way_between
 from orientd.mechanism.lines import Bools, Sky, lines_of
-from orientd.mechanism.pole import smooth
 from orientd.mechanism.schedule import Crossing, Schedule, scheduled
-from orientd.mechanism.timing import quintic
+from orientd.mechanism.timing import rounded, width
 from orientd.rotation import Floats
 
 SAME = 1e-3
@@ -43,14 +45,17 @@ _TOOL_SHARE = 0.9
 """Usable share of the tool's limits: all axes turn it at once."""
 _ENTRY = 1e-3
 """Cost of a second of the lead-in, in seconds lost."""
-_CORNER = 0.5
-"""Share of the acceleration limit from which a bend is rounded."""
-_LEAST_ROUNDING = 2
+_PLANE = 2
+"""Axes of a gimbal whose slews can lead around cones."""
 _SAME_LINE = 1e-6
 _FEWEST = 5
 _ROUNDING = 1e-9
 _ATTEMPTS = 6
 _SLOWER = 0.9
+_RESERVES = tuple(np.radians([0.2, 0.8, 2.0, 4.0]).tolist())
+"""Clearances of slews around a cone that are tried in turn, rad: fast axes cut corners more."""
+_OUTSIDE = np.radians(0.1)
+"""Clearance of the path from which on the axes must be outside too, rad."""
 _ADVICE = "give the pass more time, or begin it elsewhere"
 
 
@@ -65,6 +70,7 @@ class TimedPath:
         past: axis angles of the samples before a path that begins in motion, oldest first, rad,
             shape ``(m, axes)``.
         has_lead_in: whether the axes first lead from *start*, at rest, to the path.
+        keep_out: clearances that slews keep; if one cannot be kept, the next one counts.
     """
 
     q: Floats
@@ -72,6 +78,7 @@ class TimedPath:
     start: Floats | None
     past: Floats
     has_lead_in: bool
+    keep_out: tuple[Clearance, ...] = ()
 
 
 class Timed(NamedTuple):
@@ -81,11 +88,13 @@ class Timed(NamedTuple):
         joints: rad, shape ``(n, axes)``.
         lead: number of samples before the first one of the path.
         rest: number of samples after the last one of the path.
+        is_led: whether slews lead around cones.
     """
 
     joints: Floats
     lead: int
     rest: int
+    is_led: bool = False
 
 
 def timed_route(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> tuple[JointPath, int]:
@@ -106,7 +115,7 @@ def timed_route(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> tuple[JointP
         StartError: the path does not begin at the given angles.
     """
     period, axes = bounds.period, gimbal.axes
-    joints, lead, rest = timed_joints(gimbal, path, bounds)
+    joints, lead, rest, is_led = timed_joints(gimbal, path, bounds)
     count = len(path.q)
     reached = orientations(gimbal, joints)
     times = period * np.arange(-lead, count, dtype=np.float64)
@@ -124,12 +133,15 @@ def timed_route(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> tuple[JointP
         Figure("time off target", sum(one.end - one.start for one in losses), "s"),
         manipulability(gimbal, joints),
     ]
+    notes = ("the axes slew around keep-out cones",) if is_led else ()
     found = JointPath(period, joints, reached, times, losses=losses)
-    return certified(found, peaks, figures), lead
+    return certified(found, peaks, figures, notes), lead
 
 
 def timed_joints(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> Timed:
     """Return axis angles with the least time off a path.
+
+    Slews keep out of the cones if there is a way.  Otherwise they are as if there were none.
 
     Args:
         gimbal: the gimbal; its :attr:`~.Gimbal.on_target` says what counts as off the path.
@@ -141,10 +153,34 @@ def timed_joints(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> Timed:
         PlanError: the axes cannot follow.
         StartError: the path does not begin at the given angles.
     """
+    direct = found = _within_limits(gimbal, path, bounds, None)
+    if direct is None:
+        raise PlanError(
+            "the axes can neither follow the path nor rejoin it after a slew; give it more time"
+        )
+    for clearance in path.keep_out if len(gimbal.axes) == _PLANE else ():
+        for reserve in (0.0, *_RESERVES):
+            if reserve:
+                begin = direct.lead * bounds.period
+                obstacles = Obstacles(clearance, reserve, begin)
+                found = _within_limits(gimbal, path, bounds, obstacles)
+            if found is None:
+                break
+            if _is_clear(gimbal, path, found, clearance, bounds.period):
+                return found
+    return direct
+
+
+def _within_limits(
+    gimbal: Gimbal, path: TimedPath, bounds: Bounds, obstacles: Obstacles | None
+) -> Timed | None:
+    """Return axis angles that keep the limits of the axes and the tool; ``None`` without a way."""
     share = 1.0
     for _ in range(_ATTEMPTS):
         axes = _usable(bounds, share)
-        found = _attempt(gimbal, path, bounds, axes)
+        found = _attempt(gimbal, path, bounds, axes, obstacles)
+        if found is None:
+            return None
         past = path.past if len(path.past) else np.repeat(found.joints[:1], 3, axis=0)
         excess = excess_of(axis_peaks(found.joints, bounds.period, bounds.axes, past))
         tool = bounds.tool.excess(orientations(gimbal, found.joints), bounds.period)
@@ -152,6 +188,17 @@ def timed_joints(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> Timed:
             break
         share *= max(_SLOWER / max(excess, tool), 0.5)
     return found
+
+
+def _is_clear(
+    gimbal: Gimbal, path: TimedPath, found: Timed, clearance: Clearance, period: float
+) -> bool:
+    """Return whether the axes are outside of the cones wherever the path is."""
+    times = period * np.arange(len(found.joints), dtype=np.float64)
+    made = clearance(orientations(gimbal, found.joints), times) >= 0.0
+    followed = slice(found.lead, found.lead + len(path.q))
+    made[followed] |= clearance(path.q, times[followed]) < _OUTSIDE
+    return bool(np.all(made))
 
 
 def _usable(bounds: Bounds, share: float) -> list[AxisLimits]:
@@ -167,10 +214,16 @@ def _usable(bounds: Bounds, share: float) -> list[AxisLimits]:
     ]
 
 
-def _attempt(gimbal: Gimbal, path: TimedPath, bounds: Bounds, axes: Sequence[AxisLimits]) -> Timed:
-    start = path.start
+def _attempt(
+    gimbal: Gimbal,
+    path: TimedPath,
+    bounds: Bounds,
+    axes: Sequence[AxisLimits],
+    obstacles: Obstacles | None,
+) -> Timed | None:
+    start, period = path.start, bounds.period
     near = np.array(gimbal.home()) if start is None else start
-    sky = lines_of(gimbal, path.q, bounds.period, axes, gimbal.on_target, near=near)
+    sky = lines_of(gimbal, path.q, period, axes, gimbal.on_target, near=near)
     if not sky.lines:
         branches = np.array(gimbal.solutions(row_of(path.q[0])))
         refuse_angle(wrapped(branches), gimbal.axes, 0.0)
@@ -179,20 +232,30 @@ def _attempt(gimbal: Gimbal, path: TimedPath, bounds: Bounds, axes: Sequence[Axi
         raise StartError(
             "the path does not begin at the axis angles the gimbal is commanded to be at"
         )
-    plan = scheduled(sky, bounds.period, axes, gimbal.on_target, counts=path.counts, entry=entry)
-    if plan is None:
-        raise PlanError(
-            "the axes can neither follow the path nor rejoin it after a slew; give it more time"
-        )
-    joints = _laid(gimbal, sky, plan, bounds.period, axes)
-    lead = 0
-    if path.has_lead_in:
-        before = _lead_in(joints, joints[0] if start is None else start, bounds.period, axes)
-        lead = len(before)
-        joints = np.concatenate([before, joints])
-    rest = _width(axes, bounds.period)
-    joints = np.concatenate([joints, np.repeat(joints[-1:], rest, axis=0)])
-    return Timed(_rounded(joints, axes, bounds.period), lead, rest)
+    while np.any(np.isfinite(entry)):
+        plan = scheduled(sky, period, axes, gimbal.on_target, counts=path.counts, entry=entry)
+        laid = partial(_laid, gimbal, sky, period=period, axes=axes)
+        if plan is not None and obstacles is not None:
+            plan = around(
+                gimbal, sky, plan, obstacles, laid,
+                period=period, axes=axes, counts=path.counts, entry=entry,
+            )  # fmt: skip
+        if plan is None:
+            return None
+        joints = laid(plan)
+        before = joints[:0]
+        if path.has_lead_in:
+            way = partial(_lead_around, gimbal, obstacles, period, axes)
+            found = _lead_in(joints, joints[0] if start is None else start, period, axes, way)
+            if found is None:
+                # Another line may be reached.
+                entry[plan.line] = np.inf
+                continue
+            before = found
+        rest = width(axes, period)
+        joints = np.concatenate([before, joints, np.repeat(joints[-1:], rest, axis=0)])
+        return Timed(rounded(joints, axes, period), len(before), rest, obstacles is not None)
+    return None
 
 
 def _entry(sky: Sky, path: TimedPath, axes: Sequence[AxisLimits]) -> Floats:
@@ -207,7 +270,7 @@ def _entry(sky: Sky, path: TimedPath, axes: Sequence[AxisLimits]) -> Floats:
 
 
 def _laid(
-    gimbal: Gimbal, sky: Sky, plan: Schedule, period: float, axes: Sequence[AxisLimits]
+    gimbal: Gimbal, sky: Sky, plan: Schedule, *, period: float, axes: Sequence[AxisLimits]
 ) -> Floats:
     """Return the axis angles of a schedule, with corners."""
     joints = sky.lines[plan.line].joints.copy()
@@ -215,19 +278,27 @@ def _laid(
         first, last = crossing.first, crossing.last
         goal = sky.lines[crossing.goal].joints
         joints[last:] = goal[last:]
-        joints[first : last + 1] = _crossed(gimbal, sky, crossing, period, axes)
+        joints[first : last + 1] = _crossed(gimbal, sky, crossing, period=period, axes=axes)
     return joints
 
 
 def _crossed(
-    gimbal: Gimbal, sky: Sky, crossing: Crossing, period: float, axes: Sequence[AxisLimits]
+    gimbal: Gimbal, sky: Sky, crossing: Crossing, *, period: float, axes: Sequence[AxisLimits]
 ) -> Floats:
     """Return the axis angles of a slew: the outer axis at an even rate, the others at their best.
 
     If the inner axes are too slow for the best angles, they stay on their line or turn evenly.
+    Between corners all axes turn evenly.
     """
     first, last = crossing.first, crossing.last
     origin, goal = (sky.lines[place].joints for place in (crossing.origin, crossing.goal))
+    if crossing.via is not None:
+        corners = np.stack([origin[first], *crossing.via, goal[last]])
+        speed = np.array([axis.velocity for axis in axes])
+        needed = np.max(np.abs(np.diff(corners, axis=0)) / speed, axis=1)
+        passed = np.concatenate([[0.0], np.cumsum(needed)]) / np.sum(needed)
+        share = np.linspace(0.0, 1.0, last - first + 1)
+        return np.stack([np.interp(share, passed, column) for column in corners.T], axis=1)
     outer = np.linspace(origin[first, 0], goal[last, 0], last - first + 1)
     best = joints_at(gimbal, sky.matrix[:, first : last + 1], outer)
     best[:, 1:] = np.unwrap(best[:, 1:], axis=0)
@@ -247,59 +318,47 @@ def _is_slow(joints: Floats, axes: Sequence[AxisLimits], period: float) -> bool:
     if len(joints) < _FEWEST:
         return True
     speed, force = np.array([(axis.velocity, axis.acceleration) for axis in axes]).T
-    steps = np.diff(_rounded(joints, axes, period), axis=0)
+    steps = np.diff(rounded(joints, axes, period), axis=0)
     is_slow = np.all(np.abs(steps) <= speed * period * (1.0 + _ROUNDING))
     return bool(is_slow and np.all(np.abs(np.diff(steps, axis=0)) <= force * period**2))
 
 
-def _lead_in(joints: Floats, start: Floats, period: float, axes: Sequence[AxisLimits]) -> Floats:
-    """Return the axis angles before a path: at rest, slewing, and then at the rate of the path."""
+def _lead_in(
+    joints: Floats,
+    start: Floats,
+    period: float,
+    axes: Sequence[AxisLimits],
+    way: Callable[[Floats, Floats], Floats | None],
+) -> Floats | None:
+    """Return the axis angles before a path: at rest, slewing, and then at the rate of the path.
+
+    *way* returns the corners of the slew from one place to another, ``None`` if there is no way.
+    """
     low, high, speed = np.array([(axis.low, axis.high, axis.velocity) for axis in axes]).T
-    width = _width(axes, period)
+    count = width(axes, period)
     rate = joints[1] - joints[0]
-    run_up = np.clip(joints[0] - rate * np.arange(width, 0, -1.0)[:, None], low, high)
-    longest = float(np.max(np.abs(run_up[0] - start) / (speed * period)))
-    slew = np.linspace(start, run_up[0], math.ceil(longest) + 2)
-    return np.concatenate([np.repeat(slew[:1], width, axis=0), slew[:-1], run_up])
+    run_up = np.clip(joints[0] - rate * np.arange(count, 0, -1.0)[:, None], low, high)
+    via = way(start, run_up[0])
+    if via is None:
+        return None
+    slew = [start[None]]
+    for goal in (*via, run_up[0]):
+        here = slew[-1][-1]
+        steps = math.ceil(float(np.max(np.abs(goal - here) / (speed * period)))) + 1
+        slew.append(np.linspace(here, goal, steps + 1)[1:])
+    held = np.repeat(start[None], count, axis=0)
+    return np.concatenate([held, *slew[:-1], slew[-1][:-1], run_up])
 
 
-def _width(axes: Sequence[AxisLimits], period: float) -> int:
-    """Return the samples to each side within which the largest corner is rounded."""
-    wide = [_widths(2.0 * axis.velocity * period, axis, period) for axis in axes]
-    return max(sum(one) for one in wide) + 1
-
-
-def _widths(bend: float, axis: AxisLimits, period: float) -> tuple[int, int]:
-    """Return the widths of both averages that round a corner of *bend* rad a sample."""
-    force, jerk = axis.acceleration * period**2, axis.jerk * period**3
-    first = math.ceil(0.5 * bend / force)
-    second = max(_LEAST_ROUNDING, math.ceil(force / jerk) if math.isfinite(jerk) else 0)
-    return first, second
-
-
-def _rounded(joints: Floats, axes: Sequence[AxisLimits], period: float) -> Floats:
-    """Return axis angles with rounded corners, unchanged away from them."""
-    found = joints.copy()
-    for place, axis in enumerate(axes):
-        line = joints[:, place]
-        bends = np.abs(np.diff(line, 2))
-        corners = np.flatnonzero(bends > _CORNER * axis.acceleration * period**2) + 1
-        for begin, end in _groups(corners, 2 * _width(axes, period)):
-            bend = float(np.max(bends[begin - 1 : end]))
-            first, second = _widths(bend, axis, period)
-            reach = 2 * (first + second) + 2
-            a, b = max(0, begin - reach), min(len(line), end + reach + 1)
-            part = line[a:b]
-            calm = smooth(smooth(part, first), second)
-            fade = np.minimum(np.arange(b - a), np.arange(b - a)[::-1]) / max(1, first + second)
-            found[a:b, place] = part + quintic(fade) * (calm - part)
-    return found
-
-
-def _groups(places: np.ndarray, apart: int) -> list[tuple[int, int]]:
-    """Return first and last of each group of *places* that are at most *apart* from one another."""
-    if not len(places):
-        return []
-    cuts = np.flatnonzero(np.diff(places) > apart)
-    begins, ends = [0, *(cuts + 1).tolist()], [*cuts.tolist(), len(places) - 1]
-    return [(int(places[a]), int(places[b])) for a, b in zip(begins, ends, strict=True)]
+def _lead_around(
+    gimbal: Gimbal,
+    obstacles: Obstacles | None,
+    period: float,
+    axes: Sequence[AxisLimits],
+    start: Floats,
+    goal: Floats,
+) -> Floats | None:
+    """Return the corners of the slew before a path."""
+    if obstacles is None:
+        return np.empty((0, len(axes)))
+    return way_between(gimbal, start, goal, obstacles, period=period, axes=axes)

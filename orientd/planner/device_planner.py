@@ -107,16 +107,21 @@ class DevicePlanner:
             )
 
         planning, follow = path_from(start), None
-        if mechanism is not None:
-            fitting = Fitting(
-                mechanism, start, tuple(joints), limits, self._period, before, rates, motion_id
-            )
-            planning, follow = partial(_fitted, fitting), fitting.followed
         cones = self._cones(request, unix_ns)
+        if mechanism is not None:
+            keep_out = () if cones is None else (partial(cones.least, margins=1.0), cones.least)
+            fitting = Fitting(
+                mechanism, start, tuple(joints), limits, self._period, before, rates, motion_id,
+                keep_out=keep_out,
+            )  # fmt: skip
+            planning, follow = partial(_fitted, fitting), fitting.followed
         if cones is None:
             return planning(placed)
-        is_turn = request.rate is not None
-        return Around(cones, start, planning, path_from, follow, is_turn=is_turn).motion(placed)
+        around = Around(
+            cones, start, planning, path_from, follow, is_turn=request.rate is not None,
+            has_slews=isinstance(mechanism, Gimbal) and mechanism.allow_slews and placed.has_times,
+        )  # fmt: skip
+        return around.motion(placed)
 
     def _cones(self, request: MotionRequest, unix_ns: int | None) -> Cones | None:
         """Return the keep-out cones of a motion; ``None`` if there are none."""

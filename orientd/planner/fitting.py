@@ -19,6 +19,7 @@ import numpy as np
 from orientd.driver import Joints
 from orientd.errors import LimitError, LimitKind, PlanError
 from orientd.mechanism import (
+    Clearance,
     Gimbal,
     JointPath,
     Mechanism,
@@ -83,6 +84,7 @@ class Fitting:
         rates: planned axis velocities there, rad/s.
         motion_id: identifier of the motion; by default a new random one.
         free: path time up to which the path may stand while an axis turns at a pole, s.
+        keep_out: as for :func:`.route_at_times`.
     """
 
     mechanism: Mechanism
@@ -94,6 +96,7 @@ class Fitting:
     rates: Joints = ()
     motion_id: str | None = None
     free: float = 0.0
+    keep_out: tuple[Clearance, ...] = ()
 
     def plan(self, request: MotionRequest) -> Motion:
         """Return the requested motion on the path that the device's axes follow.
@@ -351,6 +354,7 @@ class Fitting:
             joints=self.joints,
             before=self.before,
             tool=_tool(motion.limits),
+            keep_out=self.keep_out,
         )
         return self._reshaped(motion, path)
 

@@ -61,6 +61,8 @@ class Around:
         path_from: returns what plans from a state, without regard to cones and to the axes.
         follow: returns a motion on the path that the axes follow.
         is_turn: whether the request is a turn at a rate, which has no other route.
+        has_slews: whether the axes slew rather than let the path wait for them.  Their slews then
+            have led around already, as far as they can.
     """
 
     cones: Cones
@@ -69,6 +71,7 @@ class Around:
     path_from: Callable[[State], Planning]
     follow: Callable[[Motion], Motion] | None = None
     is_turn: bool = False
+    has_slews: bool = False
     _margins: float = field(default=1.0, init=False)
     _is_roll_free: bool = field(default=False, init=False)
     _refused: str = field(default="", init=False)
@@ -165,6 +168,11 @@ class Around:
     ) -> None:
         """Raise :class:`.PlanError` if the request has no other route that can be planned."""
         request, legs = direct.request, self._legs(direct, motion, short)
+        if self.has_slews and (legs[0] == 0 or _is_off_path(motion, short)):
+            raise PlanError(
+                f"the axes would slew through {names}, and there is no way around; begin elsewhere "
+                "or at another time"
+            )
         if turns:
             raise PlanError(f"the turn crosses {names}: a turn has no other route")
         if request.device_options.get("home"):
@@ -380,6 +388,15 @@ class Around:
 
 def _no_lead(_: State) -> Planning:
     raise PlanError("its run-up crosses one too")
+
+
+def _is_off_path(motion: Motion, short: Floats) -> bool:
+    """Return whether a motion is inside a cone while its axes do not follow the path."""
+    times = motion.period * np.flatnonzero(short.min(axis=0) < 0.0)
+    return any(
+        bool(np.any((times >= one.start - motion.period) & (times <= one.end)))
+        for one in motion.certificate.losses
+    )
 
 
 def _depth(q: Floats, obstacle: Obstacle) -> float:

@@ -1,15 +1,16 @@
 r"""The least clearance of a motion from its keep-out cones, with a bound between its records.
 
-The clearance is computed at every record.  Between two of them, *h* apart, the axis of the tool
-moves on the sphere with at most the velocity *V* and the acceleration *A*.  Its angle *c* from the
-direction of a cone changes with
+The clearance is computed at every record.  Between two of them, *h* apart, the tool turns with at
+most the angular velocity *V* and the angular acceleration *A*, which
+:mod:`orientd.planner.keep_out.enclosure` proves.  The angle *c* of its axis from the direction of a
+cone changes with
 
-.. math:: |\dot c| \le V, \qquad |\ddot c| \le A + V^2 |\cot c| ,
+.. math:: |\dot c| \le V, \qquad |\ddot c| \le A + V^2 (\tfrac12 + |\cot c|) .
 
-since the cotangent is the curvature of the circles of a constant angle.  So *c* lies at most
-:math:`h^2/8` times the second bound below the lower one of its two neighbours, and at most
-:math:`hV/2` below their mean.  *A* is 1.5 times the largest acceleration at the records around, and
-*V* the larger velocity of the two plus *A h*.  The direction of a cone may move, which adds to *V*.
+The cotangent is the curvature of the circles of a constant angle.  A turn about the axis bends its
+way by at most half of the square of the velocity.  So *c* lies at most :math:`h^2/8`
+times the second bound below the lower one of its two neighbours, and at most :math:`hV/2` below
+their mean.  The direction of a cone may move, which adds to *V*.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import numpy as np
 from orientd.keep_out import KeepOut
 from orientd.mechanism import Figure
 from orientd.model import MotionRequest
+from orientd.planner.keep_out.enclosure import rates_between
 from orientd.planner.motion import Motion
 from orientd.rotation import Floats, rotate
 from orientd.sun import Sun
@@ -31,7 +33,6 @@ from orientd.sun import Sun
 _BLOCK = 8192  # records at a time, to bound memory
 _SUN_STEP = 1.0  # s between two directions of the sun; it turns by 7e-5 rad meanwhile
 _FALLS = 1e-9  # rad; rounding of a clearance that must not fall
-_MORE = 1.5  # factor of the acceleration between two records
 _POLE = 1e-3  # rad; least angle from the direction with a bounded curvature
 
 
@@ -85,6 +86,19 @@ class Cones:
             ]
         )
 
+    def least(self, q: Floats, times: Floats, *, margins: float = 0.0) -> Floats:
+        """Return the least clearance of all cones, rad, shape ``(n,)``.
+
+        Args:
+            q: orientations, shape ``(n, 4)``.
+            times: path times, s, increasing, shape ``(n,)``.
+            margins: share of each margin that belongs to the cone.
+        """
+        found = self.clearances(q, times)
+        found -= margins * np.array([[cone.margin] for cone in self.cones])
+        least: Floats = found.min(axis=0)
+        return least
+
     def bounds(self, motion: Motion) -> Floats:
         """Return the least clearance of each cone in each interval between records, rad.
 
@@ -96,32 +110,30 @@ class Cones:
         found, speed, bend = self._along(motion)
         if found.shape[1] == 1:
             return found
-        around = np.maximum(bend[:-1], bend[1:])
-        around[1:] = np.maximum(around[1:], bend[:-2])
-        around[:-1] = np.maximum(around[:-1], bend[2:])
-        around *= _MORE
         half = np.array([[cone.half_angle] for cone in self.cones])
         moves = np.array([[cone.fastest] for cone in self.cones])
-        fastest = np.maximum(speed[:-1], speed[1:]) + around * period + moves
+        fastest = speed + moves
         lower = np.minimum(found[:, :-1], found[:, 1:])
         mean = 0.5 * (found[:, :-1] + found[:, 1:])
         nearest = np.maximum(half + mean - fastest * period, _POLE)
-        curved = around + fastest**2 / np.abs(np.tan(nearest))
+        curved = bend + fastest**2 * (0.5 + 1.0 / np.abs(np.tan(nearest)))
         bound: Floats = np.maximum(lower - period**2 / 8.0 * curved, mean - 0.5 * period * fastest)
         for row, at in zip(bound, found, strict=True):
             row[: _moving_out(at)] = math.inf
         return bound
 
     def _along(self, motion: Motion) -> tuple[Floats, Floats, Floats]:
-        """Return clearances ``(cones, n)``, speed and size of the acceleration at each record."""
+        """Return clearances at records ``(cones, n)``, and bounds of the rates between them."""
         clear, speeds, bends = [], [], []
         for first in range(0, motion.record_count, _BLOCK):
             count = min(_BLOCK, motion.record_count - first)
-            rows = motion.rows(first, count)
+            # The first record of the next block ends the last interval of this one.
+            rows = motion.rows(first, min(count + 1, motion.record_count - first))
             times = motion.period * np.arange(first, first + count, dtype=np.float64)
-            clear.append(self.clearances(rows[:, :4], times))
-            speeds.append(np.linalg.norm(rows[:, 4:7], axis=1))
-            bends.append(np.linalg.norm(rows[:, 7:10], axis=1))
+            clear.append(self.clearances(rows[:count, :4], times))
+            speed, bend = rates_between(rows, motion.period)
+            speeds.append(speed)
+            bends.append(bend)
         return np.concatenate(clear, axis=1), np.concatenate(speeds), np.concatenate(bends)
 
     def are_kept(self, motion: Motion) -> bool:

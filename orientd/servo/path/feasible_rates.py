@@ -124,8 +124,8 @@ def released(
 ) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
-    The speed falls as in :func:`~orientd.servo.motion_law.first_change`, by what the jerk allows
-    along the path.
+    The speed falls as in :func:`~orientd.servo.motion_law.first_change`, as fast as the jerk
+    along the path allows.
 
     Args:
         past: the previous cycle.

@@ -3,7 +3,8 @@
 A target inside a cone is held at the nearest point of the edge.  If the direct path to the target
 crosses a cone, the axis follows the edge: a great circle that touches the edge, an arc of the edge,
 a great circle to the target.  Of both sides the shorter one is taken, and kept.  Everything is
-computed in the frame of the tool at the last setpoint, once a cycle, since targets move.
+computed in the frame of the tool at the last setpoint, and again every few cycles, since targets
+move.
 """
 
 from __future__ import annotations
@@ -37,6 +38,12 @@ _KEPT = 0.8
 _FARTHEST = 4.0 * pi
 """Length of a path that leads nowhere, rad."""
 
+_SERVES = 0.01
+"""Time for which a path serves while its end is far, s."""
+
+_FAR = 0.1
+"""Length from which on a path is long, rad."""
+
 _OUT = 4e-4
 """Distance inside the edge from which on the axis turns straight outwards, rad."""
 
@@ -55,14 +62,18 @@ class Detour:
         held: place of the cone that keeps the tool from its target; -1 if none does.
     """
 
-    def __init__(self, cones: KeepOutCones) -> None:
+    def __init__(self, cones: KeepOutCones, period: float) -> None:
+        """Create it for one :meth:`turn` per *period* seconds around *cones*."""
         self._cones = cones
+        self._more = round(_SERVES / period) - 1
         self.forget()
 
     def forget(self) -> None:
         """Begin without a preferred side."""
         self.held = -1
         self._side = 0.0
+        self._fresh = 0
+        self._ahead: Vector3 | None = None
 
     def turn(self, q: Quaternion, target: Quaternion, reserve: float) -> Vector3 | None:
         """Return a rotation vector to aim along, rad: the length is that of the whole path.
@@ -75,6 +86,17 @@ class Detour:
         Returns:
             The vector in the frame of the tool; ``None`` if the direct path is free.
         """
+        if self._fresh > 0:
+            self._fresh -= 1
+            return None if self._ahead is None else rotate_back(q, self._ahead)
+        found = self._turn(q, target, reserve)
+        if norm(difference(q, target) if found is None else found) > _FAR:
+            self._fresh = self._more
+            self._ahead = None if found is None else rotate(q, found)
+        return found
+
+    def _turn(self, q: Quaternion, target: Quaternion, reserve: float) -> Vector3 | None:
+        """Return the result of :meth:`turn` for the current orientation."""
         direct = difference(q, target)
         size = norm(direct)
         unit = plus(ZERO, direct, 1.0 / size) if size > 0.0 else (1.0, 0.0, 0.0)

@@ -26,9 +26,6 @@ time."""
 _AGREEING = 2e-5
 """How much nearer a stop may come than foreseen, rad: the stop is not exactly as foreseen."""
 
-_ROUNDS = 3
-"""Halvings of the share of the wanted change."""
-
 _PUSHES = (0.25, 1.0)
 """Shares of the largest acceleration away from a cone that are tried in turn."""
 
@@ -76,19 +73,18 @@ class StopFilter:
         def margin(alpha: Vector3) -> float:
             return self._margin(omega, alpha, limits, near)
 
-        if margin(wanted) >= 0.0:
+        missing = -margin(wanted)
+        if missing <= 0.0:
             return wanted
         braked = halt(omega, alpha, limits)[1]
         found = margin(braked)
+        if found > 0.0:
+            # The margin is nearly linear in between.
+            share = found / (found + missing)
+            part = combine(braked, 1.0 - share, wanted, share)
+            return part if margin(part) >= -_AGREEING else braked
         if found >= -_AGREEING:
-            low, high = 0.0, 1.0
-            for _ in range(_ROUNDS):
-                share = 0.5 * (low + high)
-                if margin(combine(braked, 1.0 - share, wanted, share)) >= 0.0:
-                    low = share
-                else:
-                    high = share
-            return combine(braked, 1.0 - low, wanted, low)
+            return braked
         for push in _PUSHES:
             aside = plus(braked, _outwards(near), push * limits.acceleration)
             aside = advance(omega, alpha, aside, limits)

@@ -8,8 +8,9 @@ turning point :math:`\alpha_1`, holds it there, and takes it straight to zero:
     \qquad T_1 = \frac{|\alpha_1 - \alpha_0|}{J}, \quad T_3 = \frac{|\alpha_1|}{J}.
 
 So :math:`\alpha_1` points against :math:`\omega_0 + T_1 \alpha_0 / 2`, and :math:`T_1` is the root
-of one equation.  The three phases are split into turns about fixed axes (the first two terms of the
-Magnus series).  During such a turn the cosine of the angle between the tool's axis and a direction
+of one equation.  The first phase is split into turns about fixed axes (the first two terms of the
+Magnus series).  The others are one turn, since velocity and acceleration are parallel then.  During
+such a turn the cosine of the angle between the tool's axis and a direction
 is :math:`k_0 + k_1 \cos s + k_2 \sin s`, so its largest value is known exactly.
 """
 
@@ -86,8 +87,9 @@ def stop_turns(
     most, jerk, h = limits.acceleration, limits.jerk, limits.period
     # Between samples the velocity is that of half a cycle before.
     omega = plus(omega, alpha, -0.5 * h)
-    # The duration of the first phase: halving steps contract where plain ones may swing.
-    first = 0.5 * norm(alpha) / jerk
+    # The duration of the first phase.  Once it is about known, plain steps may swing, halved ones
+    # contract.
+    first, share = 0.0, 1.0
     for _ in range(_ROUNDS):
         goal = plus(omega, alpha, 0.5 * first)
         size, ramp = norm(goal), jerk * first
@@ -97,18 +99,19 @@ def stop_turns(
         found = norm(change) / jerk
         if abs(found - first) < 1e-3 * h:
             break
-        first = 0.5 * (first + found)
+        first += share * (found - first)
+        share = 0.5
     held = max(size / peak - 0.5 * first - 0.5 * peak / jerk, 0.0) if peak >= most else 0.0
     if first > 0.0:
         ramp_rate = plus(ZERO, change, 1.0 / first)
         yield from _turns(omega, alpha, ramp_rate, first, units)
         omega = plus(plus(omega, alpha, first), ramp_rate, 0.5 * first * first)
-    if held > 0.0:
-        yield from _turns(omega, bend, ZERO, held, units)
-        omega = plus(omega, bend, held)
-    last = norm(bend) / jerk
-    if last > 0.0:
-        yield from _turns(omega, bend, plus(ZERO, bend, -1.0 / last), last, units)
+    last = peak / jerk
+    angle = held * (norm(omega) - 0.5 * peak * held) + peak * last * last / 6.0
+    if angle > 0.0:
+        turn = times(plus(ZERO, goal, angle / size), units)
+        angle = norm(turn)
+        yield plus(ZERO, turn, 1.0 / angle), angle
 
 
 def _turns(

@@ -95,7 +95,7 @@ class Tracker:
     def __init__(self, period: float, cones: KeepOutCones | None = None) -> None:
         """Create it for one step per *period* seconds; *cones* are those of the device."""
         self._period = period
-        self._detour = None if cones is None else Detour(cones)
+        self._detour = None if cones is None else Detour(cones, period)
         self._filter = None if cones is None else StopFilter(cones, period)
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)

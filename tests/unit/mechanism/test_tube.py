@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from orientd.mechanism.pole import smooth, taut_string
+from orientd.mechanism.pole import taut_string
+from orientd.mechanism.timing import smooth
 
 
 def test_string_through_an_open_tube_is_straight():
