@@ -8,7 +8,6 @@ from math import cos, pi, sin
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Joints, Vector3
-from orientd.kernels import follow_arm, place_arm, reserve_arm, solve_arm
 from orientd.mechanism import Rows
 from orientd_ur.pose import Pose
 
@@ -64,6 +63,10 @@ class Kinematics:
     """
 
     def __init__(self, links: Links, calibration: Table | None = None) -> None:
+        # Only here: who describes the driver loads no kernels.
+        from orientd import kernels
+
+        self._kernels = kernels
         self.links = links
         self.is_calibrated = calibration is not None
         own = calibration.rows() if calibration is not None else ()
@@ -93,22 +96,22 @@ class Kinematics:
     def solutions(self, pose: Pose, tool: Pose = BARE) -> list[Joints]:
         """Return the joints of every branch for *tool* of the flange at *pose*, rad."""
         joints = Rows(_BRANCHES, 6)
-        count = solve_arm(self._arm, _numbers(tool), _numbers(pose), joints.view)
+        count = self._kernels.solve_arm(self._arm, _numbers(tool), _numbers(pose), joints.view)
         return [joints[row] for row in range(count)]
 
     def follow(self, poses: Rows, near: Joints, joints: Rows, count: int, tool: Pose) -> int:
         """Write the joints for *tool* at *poses* as :meth:`.Mechanism.follow` does."""
         chosen, last = poses.view[:count], array("d", near)
-        return follow_arm(self._arm, _numbers(tool), chosen, last, joints.view)
+        return self._kernels.follow_arm(self._arm, _numbers(tool), chosen, last, joints.view)
 
     def reserves(self, joints: Rows, found: Rows, count: int) -> None:
         """Write the distances from the singularities of wrist, elbow and shoulder."""
-        reserve_arm(self._arm, joints.view[:count], found.view)
+        self._kernels.reserve_arm(self._arm, joints.view[:count], found.view)
 
     def _frames(self, joints: Sequence[float], *, is_own: bool) -> list[Pose]:
         """Return the pose of each joint's frame in the base, by its own table or as published."""
         poses = Rows(6, 7)
-        place_arm(self._arm, is_own, array("d", joints), poses.view)
+        self._kernels.place_arm(self._arm, is_own, array("d", joints), poses.view)
         return [
             ((w, x, y, z), (a, b, c)) for w, x, y, z, a, b, c in map(poses.__getitem__, range(6))
         ]

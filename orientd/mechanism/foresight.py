@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
-from orientd.kernels import first_strain, foresee_stop
 from orientd.mechanism.mechanism import Mechanism, Reserve, Rows
 
 Pose = tuple[Quaternion, Vector3]
@@ -84,6 +83,10 @@ class Foresight:
     """
 
     def __init__(self, mechanism: Mechanism, period: float) -> None:
+        # Only here: the daemon imports this module too, and it does no mathematics.
+        from orientd import kernels
+
+        self._kernels = kernels
         self._mechanism = mechanism
         self._period = period
         self._sent: Pose | None = None
@@ -123,7 +126,8 @@ class Foresight:
             self._take(sent)
         if self._joints is None:
             return "the device does not reach where it was sent"
-        count = foresee_stop(coming.numbers(self._period), self._seconds.flat, self._poses.view)
+        numbers = coming.numbers(self._period)
+        count = self._kernels.foresee_stop(numbers, self._seconds.flat, self._poses.view)
         reached = self._mechanism.follow(self._poses, self._joints, self._along, count)
         self._next = None
         if reached:
@@ -152,7 +156,9 @@ class Foresight:
     def _turning(self, reached: int) -> str:
         """Return which axis is too fast, accelerates too much, or turns too far."""
         joints, last, limits = self._along.view[:reached], self._last.view, self._limits.view
-        row = first_strain(self._seconds.flat, joints, last, limits, self._period, self._strain)
+        row = self._kernels.first_strain(
+            self._seconds.flat, joints, last, limits, self._period, self._strain
+        )
         if row == reached:
             return ""
         place, kind, value, most = self._strain

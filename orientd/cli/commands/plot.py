@@ -62,7 +62,7 @@ def plot(
     topic: Topic = "",
     partial: Partial = False,
 ) -> None:
-    """Draw a motion file, a recording, an interpolation method or a figure of a paper.
+    """Draw a motion file, a recording, a method or a paper's figure.
 
     For a motion file, this draws only the curve, without lead-in and limits.  `orientd plan --plot`
     draws the whole motion.  For a method, it draws an example.

@@ -47,7 +47,7 @@ def teach(
         Option("--watch", help="Do not release the device; another program moves it."),
     ] = False,
 ) -> None:
-    """Move a device by hand, and save poses as the keyframes of a motion file.
+    """Move a device by hand, and save poses as keyframes.
 
     Meanwhile an arm is in freedrive.  A gimbal has no torque: hold it.  At the end the device holds
     its pose, and follows setpoints again if it did before.  Keys: space adds the pose with the time
