@@ -85,9 +85,6 @@ USUAL = 0.05
 FORGETTING = 0.01
 """Decay of the longest gap per gap."""
 
-JERK_DECAY = 1.0
-"""Decay of the largest jerk of the motion per second, slow enough to last from swing to swing."""
-
 
 class Arrivals:
     """The gaps between arrivals; targets that arrive together count as one."""
@@ -161,7 +158,6 @@ class Reference:
         self._arrivals = Arrivals(self._period_ns)
         self._delay_ns = 0.0
         self._mean_alpha = ZERO
-        self._jerk = 0.0
         self._newest_ns: int | None = None
         self._is_concluded = False
         self.last: FilteredTarget | None = None
@@ -331,12 +327,9 @@ class Reference:
         # The derivative of that, with the velocity and the average both changing.
         omega = plus(plus(past.omega, past.alpha, ahead), change, half / period)
         # It also lags by the time in which the law follows an acceleration.
+        lead = 0.0 if self.is_disturbed else (ahead + SETTLING) / period
         q = normalize(multiply(past.q, exp(turn)))
-        self._jerk = max(norm(change) / period, self._jerk * (1.0 - JERK_DECAY * period))
-        if self.is_disturbed:
-            return ReferenceState(q, omega, past.alpha)
-        lead = plus(ZERO, change, (ahead + SETTLING) / period)
-        return ReferenceState(q, omega, past.alpha, lead, self._jerk)
+        return ReferenceState(q, omega, past.alpha, plus(ZERO, change, lead))
 
 
 def _problem_of(target: Target, now_ns: int) -> str:

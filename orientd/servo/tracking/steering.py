@@ -81,18 +81,6 @@ def closing_speed(angle: float, a: float, j: float) -> float:
     return sqrt(0.25 * ramp * ramp + 2.0 * a * angle) - 0.5 * ramp
 
 
-def relative_limits(limits: TrackingLimits, jerk_target: float) -> TrackingLimits:
-    """Return *limits* with the jerk that a target's own jerk, rad/s^3, leaves to corrections.
-
-    A stop relative to the target that counted on the whole jerk would begin too late.  The device
-    would pass the target again and again, and never follow it closely.
-    """
-    if jerk_target == 0.0:
-        return limits
-    share = max(1.0 - jerk_target / limits.jerk, LEAST_PART)
-    return limits._replace(jerk=share * limits.jerk, calm=share * limits.calm)
-
-
 def position_command(
     e: Vector3,
     omega: Vector3,
@@ -101,14 +89,13 @@ def position_command(
     alpha_target: Vector3,
     limits: TrackingLimits,
     margin: float = inf,
-    jerk_target: float = 0.0,
 ) -> tuple[Vector3, bool]:
     """Return the acceleration to aim at, to meet a moving target soonest and stay with it.
 
     It closes in as fast as possible, but brakes as much as necessary, relative to the target.  A
-    stop from the next state thus never passes the target.  The target's own acceleration and jerk
-    are not available for that stop.  Near the target no limit is active, and a linear law takes
-    over to avoid chatter.
+    stop from the next state thus never passes the target.  The target's own acceleration is not
+    available for that stop.  Near the target no limit is active, and a linear law takes over to
+    avoid chatter.
 
     Args:
         e: rotation vector from the orientation to the target's, rad.
@@ -119,27 +106,26 @@ def position_command(
         limits: the limits and gains.
         margin: acceleration available for corrections of a close follower, rad/s^2; infinity while
             it catches up.
-        jerk_target: size of the target's own jerk, rad/s^3.
 
     Returns:
         That acceleration, rad/s^2, and whether it comes from the linear law.
     """
-    h, relative = limits.period, relative_limits(limits, jerk_target)
+    h = limits.period
     nx, ny, nz = plus(omega, omega_target, -1.0)
     bx, by, bz = plus(alpha, alpha_target, -1.0)
     # The error after the acceleration has run out.
-    t = sqrt(bx * bx + by * by + bz * bz) / relative.jerk
+    t = sqrt(bx * bx + by * by + bz * bz) / limits.jerk
     s, r = h - t, -h * h / 6.0 - t * t / 3.0 + 0.5 * h * t
     fx, fy, fz = e[0] + s * nx + r * bx, e[1] + s * ny + r * by, e[2] + s * nz + r * bz
     left = sqrt(fx * fx + fy * fy + fz * fz)
     if left < 1e-150:
         return velocity_command(
-            omega_target, omega, alpha, alpha_target, relative, limits.settle
+            omega_target, omega, alpha, alpha_target, limits, limits.settle
         ), True
     fx, fy, fz = fx / left, fy / left, fz / left
     most = limits.acceleration
     most = max(most - norm(alpha_target), LEAST_PART * most)
-    s, calm = closing_speed(left, most, relative.jerk), relative.calm * relative.calm
+    s, calm = closing_speed(left, most, limits.jerk), limits.calm * limits.calm
     is_linear = limits.approach * left <= s and nx * nx + ny * ny + nz * nz <= max(s * s, calm)
     if is_linear or (margin < inf and left < NEAR):
         k1, k2, k3 = limits.share, limits.settle, min(limits.approach * left, sqrt(margin * left))
@@ -154,10 +140,10 @@ def position_command(
     s = limits.velocity / speed if speed > limits.velocity else 1.0
     goal = (s * gx, s * gy, s * gz)
     go = saturated(
-        alpha, velocity_command(goal, omega, alpha, alpha_target, relative, limits.settle), limits
+        alpha, velocity_command(goal, omega, alpha, alpha_target, limits, limits.settle), limits
     )
 
-    f, jerk = (fx, fy, fz), relative.jerk
+    f, jerk = (fx, fy, fz), limits.jerk
     angle, known = dot(f, e), dot(f, alpha_target)
 
     def excess(rate: float) -> float:
@@ -169,7 +155,7 @@ def position_command(
     if over <= 0.0:
         return go, False
     halt = saturated(
-        alpha, velocity_command(omega_target, omega, alpha, alpha_target, relative, 1.0 / h), limits
+        alpha, velocity_command(omega_target, omega, alpha, alpha_target, limits, 1.0 / h), limits
     )
     slow = dot(f, halt) - known
     under = excess(slow)

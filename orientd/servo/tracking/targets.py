@@ -197,14 +197,12 @@ class ReferenceState(NamedTuple):
         omega: angular velocity in the reference's own frame, rad/s.
         alpha: angular acceleration, rad/s^2.
         lead: expected change of that by now, from its recent trend, rad/s^2, for feed-forward.
-        jerk: largest recent size of that trend, rad/s^3; 0 if lost or late targets hide it.
     """
 
     q: Quaternion
     omega: Vector3
     alpha: Vector3
     lead: Vector3 = ZERO
-    jerk: float = 0.0
 
 
 def filtered(before: FilteredTarget | None, target: Target) -> FilteredTarget:

@@ -385,10 +385,8 @@ class Tracker:
             needed = limits.settle * max(limits.approach * norm(turn), relative)
         margin = cap.margin(alpha, needed, limits.acceleration)
         alpha = plus(alpha, divided(found.lead, units), 1.0)
-        # The law's own units are at most 1, so in them the target's jerk is never smaller.
-        jerk = found.jerk / min(units)
         wanted, is_linear = position_command(
-            turn, self._omega, self._alpha, middle, alpha, limits, margin, jerk
+            turn, self._omega, self._alpha, middle, alpha, limits, margin
         )
         return cap.capped(wanted, is_linear=is_linear)
 

@@ -360,21 +360,3 @@ def test_it_begins_anywhere_inside_the_limits_of_components(ceases):
             world.take(normalize(tuple(rng.gauss(0.0, 1.0) for _ in range(4))), live=5.0)
         world.run(1.0)
         assert world.tracker.is_at_rest or not ceases
-
-
-@pytest.mark.parametrize("share", [0.6, 0.9])
-@pytest.mark.parametrize(("rate", "every"), [(12.0, 1), (12.0, 5), (20.0, 1)])
-def test_a_swing_that_uses_most_of_a_tight_jerk_limit_is_followed(share, rate, every):
-    limits = LIMITS[1]
-    size = share * limits.jerk / rate**3
-    world, start, worst = World(limits), NS * 1e-9, 0.0
-    for k in range(1500):
-        t = world.now - start
-        if k % every == 0:
-            speed = size * rate * cos(rate * t)
-            world.take(turned(size * sin(rate * t)), tuple(speed * x for x in AXIS))
-        world.step()
-        if k > 1000:
-            t = world.now - start
-            worst = max(worst, angle(world.guard.q, turned(size * sin(rate * t))))
-    assert worst < 2e-3
