@@ -7,6 +7,7 @@ before is in there as far as it will be.  Then it tells the servo of the splice.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -19,7 +20,7 @@ from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
 from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
 from orientd.planner import MotionFacts
-from orientd.servo import TAIL_WORD
+from orientd.servo import TAIL_WORD, records_to_stop
 from orientd.stream import MOVING, UNKNOWN, Command, Cycle, ServoLimits, ServoState
 
 _FEED_TIME = 0.25
@@ -467,7 +468,8 @@ class MotionQueue:
         """Return how many records of a motion the servo wants to see before it begins."""
         rates = [queued.motion.facts.brake_rate for queued in self._motions if queued.is_running]
         slowest = min([*rates, facts.brake_rate])
-        return int((1.0 / slowest + _FEED_TIME) / facts.period) + 1
+        more = math.ceil(_FEED_TIME / facts.period)
+        return 1 + records_to_stop(slowest, facts.period) + more
 
     def _feed_first(self, queued: QueuedMotion, *, is_at_rest: bool) -> Feeder:
         """Put as much of a motion into the ring as the servo wants to see before it begins.

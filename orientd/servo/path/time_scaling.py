@@ -14,6 +14,16 @@ from math import ceil, copysign
 from orientd.servo.motion_law import first_change
 
 
+def records_to_stop(brake_rate: float, period: float) -> int:
+    """Return how many path records a stop from any rate may still use.
+
+    Args:
+        brake_rate: of the motion, 1/s.
+        period: of the cycles, s.
+    """
+    return ceil(1.0 / (brake_rate * period)) + 2
+
+
 class TimeScaling:
     """The rate sigma and its acceleration, advanced by one cycle at a time.
 
@@ -55,7 +65,7 @@ class TimeScaling:
     @property
     def braking_cycles(self) -> int:
         """Number of path records that a stop from any rate may still use."""
-        return ceil(1.0 / (self.brake_rate * self.period)) + 2 if self.brake_rate else 0
+        return records_to_stop(self.brake_rate, self.period) if self.brake_rate else 0
 
     @property
     def is_steady(self) -> bool:

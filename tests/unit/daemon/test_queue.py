@@ -8,7 +8,7 @@ from orientd import planner, rotation
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import LateError, NotYetError
-from orientd.servo import TAIL_WORD
+from orientd.servo import TAIL_WORD, records_to_stop
 from orientd.stream import PATH_FLOATS, Command, SharedMemory
 
 PERIOD = 0.002
@@ -121,3 +121,20 @@ def test_as_much_of_a_motion_is_read_ahead_as_its_stop_takes(link):
         ring.words[TAIL_WORD] = tail
         motion_queue.feed()
         assert ring.head - tail >= needed
+
+
+@pytest.mark.parametrize("acceleration", [0.5, 2.0, 5.0, 8.0, 11.0, 14.0, 20.0])
+def test_a_slow_servo_has_its_stop_in_the_ring_before_it_begins(link, acceleration):
+    """At ten cycles a second a stop takes only a few records, and each of them counts."""
+    period = 0.1
+    limits = planner.DEFAULT_LIMITS.with_rates({"velocity": 1.0, "acceleration": acceleration})
+    keyframes = [planner.Keyframe((np.cos(1.5), 0.0, 0.0, np.sin(1.5)))]
+    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0))
+    motion = recorded(
+        planner.plan(planner.MotionRequest(keyframes), start=start, limits=limits, period=period)
+    )
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=128)
+    motion_queue.begin(QueuedMotion(motion, number=1))
+    # The servo starts from the first record.
+    stop = records_to_stop(motion.facts.brake_rate, period)
+    assert link.memory.path.head - 1 >= min(stop, motion.last_record)
