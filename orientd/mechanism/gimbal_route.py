@@ -102,7 +102,7 @@ def plan_axes(
         StartError: the path does not begin at *start*.
     """
     past = np.empty((0, len(gimbal.axes))) if past is None else past
-    bounds = Bounds(period, planned(gimbal.axes), tool or ToolLimits())
+    bounds = Bounds(period, planned(gimbal.axes, period), tool or ToolLimits())
     ramp = stop_time(q, bounds)
     choice = _choose(gimbal, q, bounds, start, free, ramp)
     _refuse(choice, gimbal, q, period, past)

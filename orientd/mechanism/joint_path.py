@@ -23,6 +23,11 @@ _SLACK = 1.0 + 1e-3
 """Factor by which a difference may exceed its limit, because samples only approximate a path."""
 _PLANNED = 0.95
 """Share of an axis' acceleration that generated plans use; the rest is for braking."""
+_RISE = 5.0
+"""Least periods in which an axis of a generated plan reaches its velocity.
+
+At a sharper corner the curve between two records would exceed it.
+"""
 _KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
 UNITS = {
     LimitKind.VELOCITY: "rad/s",
@@ -191,9 +196,14 @@ def losses_of(error: Floats, period: float, tolerance: float) -> tuple[Loss, ...
     )
 
 
-def planned(axes: Iterable[AxisLimits]) -> list[AxisLimits]:
-    """Return the limits for generated plans, with a reserve to brake with."""
-    return [axis._replace(acceleration=_PLANNED * axis.acceleration) for axis in axes]
+def planned(axes: Iterable[AxisLimits], period: float) -> list[AxisLimits]:
+    """Return the limits for generated plans with a period, with a reserve to brake with."""
+    return [
+        axis._replace(
+            acceleration=min(_PLANNED * axis.acceleration, axis.velocity / (_RISE * period))
+        )
+        for axis in axes
+    ]
 
 
 def refuse_rates(peaks: Sequence[AxisPeak], advice: str) -> None:

@@ -124,7 +124,7 @@ def route_at_times(
         first > 0,
         keep_out,
     )
-    bounds = Bounds(period, planned(gimbal.axes), tool or ToolLimits())
+    bounds = Bounds(period, planned(gimbal.axes, period), tool or ToolLimits())
     found, lead = timed_route(gimbal, path, bounds)
     times = found.path_times + first * period
     if lead:

@@ -15,6 +15,8 @@ from orientd.rotation import Floats
 
 _CORNER = 0.5
 """Share of the acceleration limit from which a bend is rounded."""
+_KINK = 0.02
+"""Share of the velocity limit by which it changes in a sample, from which a bend is rounded."""
 _LEAST_ROUNDING = 2
 
 
@@ -106,7 +108,8 @@ def rounded(joints: Floats, axes: Sequence[AxisLimits], period: float) -> Floats
     for place, axis in enumerate(axes):
         line = joints[:, place]
         bends = np.abs(np.diff(line, 2))
-        corners = np.flatnonzero(bends > _CORNER * axis.acceleration * period**2) + 1
+        least = period * min(_CORNER * axis.acceleration * period, _KINK * axis.velocity)
+        corners = np.flatnonzero(bends > least) + 1
         for begin, end in _groups(corners, 2 * width(axes, period)):
             bend = float(np.max(bends[begin - 1 : end]))
             first, second = _widths(bend, axis, period)

@@ -134,7 +134,7 @@ def together(
     else:
         end = min(windings(gimbal, q, joints), key=lambda one: _travel(joints, one))
     begin = np.array(joints)
-    bounds = Bounds(period, planned(gimbal.axes), tool)
+    bounds = Bounds(period, planned(gimbal.axes, period), tool)
     turned = straight(gimbal, begin, np.array(end), bounds, least=least)
     peaks = list(axis_peaks(turned, period, gimbal.axes, turned[[0, 0, 0]]))
     figures = [

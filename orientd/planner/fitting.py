@@ -61,6 +61,11 @@ A lead-in to times of the user is short and may pass very close to the pole.
 """
 _LONG = 1.5
 """Factor of the duration beyond which the planner tries to slow down the whole motion instead."""
+_DETOUR = 2.0
+"""Factor of the time of the axes' turn together beyond which they turn together.
+
+If the device rests and its path may have slews, the quicker one counts.
+"""
 _CLOSE = 1.02
 """Ratio at which the bisection between refused and feasible speed ends."""
 _GIVEN = 0.2
@@ -105,16 +110,18 @@ class Fitting:
             RequestError: its method or the device does not allow the request.
             PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
         """
-        home = self._by_way(request)
+        home = self.by_way(request)
         if home is not None:
             return home
         motion = self.planned(request)
         try:
-            return self.followed(motion)
+            found = self.followed(motion)
         except PlanError as error:
             refusal = error
+        else:
+            return self._without_detour(motion, found)
         # The plan has chosen the free roll.
-        way = self._by_way(motion.request, refusal)
+        way = self.by_way(motion.request, refusal)
         if way is not None:
             return way
         # A motion with times of the user may stand only before its first keyframe.
@@ -125,6 +132,29 @@ class Fitting:
             with suppress(PlanError):
                 return replace(self, free=free).followed(motion)
         raise refusal
+
+    def _without_detour(self, motion: Motion, found: Motion) -> Motion:
+        """Return the turn of all axes together if the path of *motion* takes them longer.
+
+        On the shortest turn of the tool an axis may have to unwind, or to stop often for slews.
+
+        Raises:
+            PlanError: it takes much longer, and the device moves: the axes turn together from rest.
+        """
+        if not isinstance(self.mechanism, Gimbal) or found.duration < _LONG * motion.duration:
+            return found
+        is_moving = not self.start.is_at_rest
+        here = State.at_rest(self.start.q, self.start.position)
+        reason = PlanError(f"it would take the axes {found.duration:.1f} s")
+        way = None
+        with suppress(PlanError):
+            way = replace(self, start=here, before=(), rates=()).by_way(motion.request, reason)
+        least = 1.0 if self.mechanism.allow_slews and not is_moving else _DETOUR
+        if way is None or least * way.duration > found.duration:
+            return found
+        if is_moving:
+            raise PlanError("the axes turn together from rest only; stop first")
+        return way
 
     def planned(self, request: MotionRequest) -> Motion:
         """Return the requested motion without regard to the axes."""
@@ -293,7 +323,7 @@ class Fitting:
         )
         return np.minimum(begin + path_times, end)
 
-    def _by_way(self, request: MotionRequest, refusal: PlanError | None = None) -> Motion | None:
+    def by_way(self, request: MotionRequest, refusal: PlanError | None = None) -> Motion | None:
         """Return the motion in which the axes turn together to a single keyframe, if there is one.
 
         *refusal* is the reason why the axes cannot follow the shortest turn, if that was tried.
