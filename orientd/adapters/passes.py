@@ -28,6 +28,8 @@ _SHORTEST = 10.0
 """Remaining pass that is still planned, s."""
 _TRIES = 4
 """Plans of a pass, each with a later start if the one before took too long."""
+_BEHIND = math.radians(0.5)
+"""Angle behind a target from which the rest of its pass is planned again, rad."""
 
 
 class Passes:
@@ -57,6 +59,7 @@ class Passes:
         self.targets = targets
         self._pass: Pass | None = None
         self._motion: MoveHandle | None = None
+        self._begun = 0.0
         self._planning: threading.Thread | None = None
         self._refused: set[tuple[str, int]] = set()
 
@@ -69,9 +72,7 @@ class Passes:
         now = time.time()
         current = self._pass
         if current is not None and now < current.end:
-            is_on_way = self._planning is not None or (
-                self._motion is not None and not self._motion.is_done
-            )
+            is_on_way = self._planning is not None or self._is_followed(current)
             if is_on_way and math.dist(current.point(now), point) < _SIGHT:
                 return True
         self._pass = None
@@ -82,6 +83,21 @@ class Passes:
         self._planning = threading.Thread(target=self._plan, args=(found,), daemon=True)
         self._planning.start()
         return True
+
+    def _is_followed(self, current: Pass) -> bool:
+        """Return whether the motion along a pass continues, and in time.
+
+        A servo whose machine did not run it in time resumes where it was, and stays behind.
+        """
+        motion = self._motion
+        if motion is None or motion.is_done:
+            return False
+        report = self._served.report()
+        now = time.time()
+        if report.motion_number != motion.motion_number or report.is_paused or report.speed < 1.0:
+            return True
+        reached = min(now, self._begun + report.path_time + report.cycle_age)
+        return math.dist(current.point(now), current.point(reached)) < _BEHIND
 
     def leave(self) -> None:
         """Follow no pass any longer; the motion is not stopped."""
@@ -133,6 +149,7 @@ class Passes:
                     f"{wanted.target.name}: the pass is planned, from {start - now:.0f} s "
                     f"to {wanted.end - now:.0f} s from now, off target for {lost:.1f} s"
                 )
+                self._begun = begin
                 self._motion = self._served.begin(plan, begin)
                 return
             start = now + plan.start_time + (now - asked) + _MARGIN

@@ -1,6 +1,8 @@
 """`orientd serve rotctld` with a known pass: planned whole, and followed without more positions."""
 
 import math
+import os
+import signal
 import time
 
 import numpy as np
@@ -11,6 +13,7 @@ from rotator import rotctld
 
 from orientd.client import connect
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion
 from orientd.rotation import rotate
 
 PERIOD = 0.002
@@ -91,6 +94,32 @@ def test_a_stop_ends_a_planned_pass(daemon, tmp_path):
         until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
         before = client.position()
         assert client.position() == pytest.approx(before, abs=0.01)
+
+
+def test_a_pass_that_has_fallen_behind_is_planned_again(daemon, tmp_path):
+    """A servo that its machine does not run for a second resumes where it was."""
+    rise = time.time() + 1.0
+    table = tmp_path / "pass.csv"
+    rows = [(rise + 2.0 * t, 4.0 * t, 30.0) for t in range(80)]
+    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    with rotctld(daemon, "--ephemeris", table) as client:
+
+        def off_target():
+            azimuth = 2.0 * max(0.0, time.time() - rise)
+            assert client.ask(f"P {azimuth:.2f} 30") == ["RPRT 0"]
+            device = daemon.device()
+            since = time.time() - device.cycle_age - rise
+            ahead = rotate(to_quaternion(device.cycle.q), [1.0, 0.0, 0.0])
+            return math.degrees(math.dist(ahead, vector(2.0 * since, 30.0)))
+
+        until(lambda: off_target() < 0.1, "the pass to be followed")
+        before = daemon.device()
+        os.kill(before.servo_pid, signal.SIGSTOP)
+        time.sleep(1.0)
+        os.kill(before.servo_pid, signal.SIGCONT)
+        until(lambda: daemon.device().cycle.index > before.cycle.index, "the servo to run")
+        assert off_target() > 1.0
+        until(lambda: off_target() < 0.1, "the pass to be followed again")
 
 
 @pytest.mark.parametrize(
