@@ -20,6 +20,7 @@ from orientd.daemon.planners import PlanCall, Planners
 from orientd.driver import Quaternion
 from orientd.errors import DaemonError, OrientdError
 from orientd.planner import Keyframe, MotionRequest
+from orientd.protocol import control_pb2 as pb
 from orientd.protocol import from_request
 from orientd.rotation import Floats
 from orientd.stream import Cycle, CycleFlag, ServoState
@@ -106,7 +107,14 @@ async def _move(device: Device) -> list[Cycle]:
     before = device.snapshot().cycle
     with device.expecting() as run:
         await device.move(run, order)
-    await _holding(device, run.motion.facts.duration + _READY)
+    # The newest cycle may be from before the motion: its end counts, and not the state.
+    ended, longest = asyncio.wrap_future(run.ended), run.motion.facts.duration + _READY
+    try:
+        outcome, text = await asyncio.wait_for(ended, longest)
+    except TimeoutError:
+        raise DaemonError(f"device {device.name} still moves after {longest:g} s") from None
+    if outcome != pb.OUTCOME_DONE:
+        raise DaemonError(f"device {device.name} did not follow to the end: {text}")
     await asyncio.sleep(_SETTLING)
     return device.cycles(before.index if before else 0)
 
