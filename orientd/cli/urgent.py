@@ -1,9 +1,9 @@
 """`orientd stop` and `orientd halt`, whose word goes out before the command line is loaded.
 
-Typer takes some 0.2 s to load and gRPC's library 0.1 s, in which what moves would move on.  So
-:mod:`orientd.first_stop` sends what these two commands plainly ask for.  This module reports what
-the servos answered.  Whatever is not plain, and whatever goes wrong, is left to the command line,
-which asks again.
+The command line takes some 0.2 s to load and gRPC's library 0.1 s, and a device would move on
+meanwhile.  So :mod:`orientd.first_stop` sends what these two commands plainly ask for.  This module
+reports what the servos answered.  Whatever is not plain, and whatever goes wrong, is left to the
+command line, which asks again.
 """
 
 from __future__ import annotations
