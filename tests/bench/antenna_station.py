@@ -28,7 +28,7 @@ PERIOD = 0.1
 """Of the servo's cycles, s: many rotators share a machine."""
 
 BEFORE = 75.0
-"""Time before the rise at which the client points at its place, s."""
+"""Least time before the rise at which the client points at its place, s."""
 
 TOLERANCE_DEG = 0.5
 
@@ -190,7 +190,8 @@ class Station:
             has_elements: whether the server knows the orbital elements.
         """
         above = Sky(one, time.time())
-        above = Sky(one, time.time() + BEFORE + 15.0 + time.time() - above.rise)
+        before = max(BEFORE, self.rotator.longest_turn)
+        above = Sky(one, time.time() + before + 15.0 + time.time() - above.rise)
         (west, east), (low, high) = self.rotator.azimuth, self.rotator.elevation
         arguments = ["--port", 0, "--socket", self.socket, "--azimuth", f"{west:g}:{east:g}",
                      "--elevation", f"{low:g}:{high:g}"]  # fmt: skip
