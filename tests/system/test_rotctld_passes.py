@@ -35,12 +35,18 @@ def vector(azimuth, elevation):
     return np.stack([level * np.cos(azimuth), -level * np.sin(azimuth), np.sin(elevation)], -1)
 
 
+def written(folder, rows):
+    """Write a table of times, azimuths and elevations."""
+    table = folder / "pass.csv"
+    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    return table
+
+
 def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
     """A client asks for the place of the rise alone, and the device follows the table."""
     rise = time.time() + 10.0
-    table = tmp_path / "pass.csv"
     rows = [(rise + t, *direction(t)) for t in np.arange(0.0, SECONDS + 0.1, 0.25)]
-    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    table = written(tmp_path, rows)
     seen = []
     with rotctld(daemon, "--ephemeris", table) as client, connect(daemon.socket) as robot:
         assert client.ask("P 300 0") == ["RPRT 0"]
@@ -66,9 +72,8 @@ def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
 def test_a_waiting_pass_is_left_for_a_position_elsewhere(daemon, tmp_path):
     """It does not begin later either, and the end of the server does not wait for it."""
     rise = time.time() + 400.0
-    table = tmp_path / "pass.csv"
     rows = [(rise + 5.0 * t, 2.0 * t, 10.0 + t) for t in range(20)]
-    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    table = written(tmp_path, rows)
     with rotctld(daemon, "--ephemeris", table) as client:
         assert client.ask("P 0 10") == ["RPRT 0"]
         assert client.ask("P 100 20") == ["RPRT 0"]
@@ -78,9 +83,8 @@ def test_a_waiting_pass_is_left_for_a_position_elsewhere(daemon, tmp_path):
 
 def test_a_stop_ends_a_planned_pass(daemon, tmp_path):
     rise = time.time() + 1.0
-    table = tmp_path / "pass.csv"
     rows = [(rise + 2.0 * t, 2.0 * t, 30.0) for t in range(100)]
-    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    table = written(tmp_path, rows)
     with rotctld(daemon, "--ephemeris", table) as client:
         time.sleep(max(0.0, rise - time.time()))
 
@@ -99,9 +103,8 @@ def test_a_stop_ends_a_planned_pass(daemon, tmp_path):
 def test_a_pass_that_has_fallen_behind_is_planned_again(daemon, tmp_path):
     """A servo that its machine does not run for a second resumes where it was."""
     rise = time.time() + 1.0
-    table = tmp_path / "pass.csv"
     rows = [(rise + 2.0 * t, 4.0 * t, 30.0) for t in range(80)]
-    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    table = written(tmp_path, rows)
     with rotctld(daemon, "--ephemeris", table) as client:
 
         def off_target():
