@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
+comma = ,
 
 ROUNDS ?= 50
 SEED ?= 1
@@ -134,20 +135,26 @@ $(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot]"
 	@touch $@
 
+# Installs extras in the versions of tests/constraints.txt, or in the newest allowed ones if those cannot be had.
+define install
+$(BIN)/python -m pip install --quiet --disable-pip-version-check -c tests/constraints.txt -e ".[$(1)]" || { \
+    echo "not with the versions of tests/constraints.txt: with the newest that are allowed"; \
+    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$(1)]"; }
+endef
+
 $(VENV)/.dev: pyproject.toml tests/constraints.txt $(KERNELS) $(VENV)/.pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c tests/constraints.txt -e ".[all,dev]" || { \
-	    echo "not with the versions of tests/constraints.txt: with the newest that are allowed"; \
-	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"; }
+	$(call install,all$(comma)dev)
 	@touch $@ $(VENV)/.user
 
-$(VENV)/.docs: pyproject.toml $(VENV)/.user
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot,scipy,metrics,ur,dynamixel,docs]"
-	@touch $@
+# The reference describes what every extra brings, so the site is built with all of them.
+$(VENV)/.docs: pyproject.toml tests/constraints.txt $(KERNELS) $(VENV)/.pip
+	$(call install,all$(comma)docs)
+	@touch $@ $(VENV)/.user
 
-# The versions that `make test` installs, from the newest that pyproject.toml allows.
+# The versions that `make test` and `make docs` install, from the newest that pyproject.toml allows.
 lock:
 	$(PYTHON) -m venv build/lock
-	build/lock/bin/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev,docs]"
 	{ head -1 tests/constraints.txt; build/lock/bin/python -m pip freeze --exclude-editable | LC_ALL=C sort; } > build/constraints.txt
 	mv build/constraints.txt tests/constraints.txt
 
