@@ -137,7 +137,8 @@ $(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
 
 # Installs extras in the versions of tests/constraints.txt, or in the newest allowed ones if those cannot be had.
 define install
-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c tests/constraints.txt -e ".[$(1)]" || { \
+@echo "installing orientd with what it needs [$(1)]: some minutes"
+@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c tests/constraints.txt -e ".[$(1)]" || { \
     echo "not with the versions of tests/constraints.txt: with the newest that are allowed"; \
     $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$(1)]"; }
 endef
