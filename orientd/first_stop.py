@@ -13,15 +13,19 @@ from __future__ import annotations
 import _socket
 import os
 import sys
+import time
 
 Answers = dict[str, tuple[str, int]]
-"""Each servo's answer to a stop, by device, and the number of its user."""
+"""Each servo's answer to a stop, by device, and the number of its user: -1 without an answer."""
 
 SYSTEM_SOCKET = "/run/orientd/control.sock"
 """Of the daemon that runs as a service of the system."""
 
 TIMEOUT = 1.0
 """Timeout of the servos' answers, s."""
+
+_RETRY = 0.001
+"""Pause until a stop is sent again to a servo that has no space for it, s."""
 
 _ANSWER_BYTES = 256
 
@@ -114,6 +118,8 @@ def stop_folder(socket_path: str) -> str:
 def send(socket_path: str, kind: str, device: str = "") -> Answers | None:
     """Send a stop to the servos of the daemon at *socket_path*, and wait for their answers.
 
+    No servo waits for another one: one that reads nothing has no space for a stop after a while.
+
     Args:
         socket_path: of the daemon.
         kind: one of :data:`KINDS`, or ``hello``, which stops nothing.
@@ -131,27 +137,34 @@ def send(socket_path: str, kind: str, device: str = "") -> Answers | None:
         folder = os.open(stop_folder(socket_path), flags)
     except (FileNotFoundError, NotADirectoryError):
         return None
-    answers: Answers = {}
     asking = _socket.socket(_socket.AF_UNIX, _socket.SOCK_DGRAM)
     try:
         asking.bind("")  # to an address of the kernel's choice, for the answers
         asking.setsockopt(_socket.SOL_SOCKET, _socket.SO_PASSCRED, 1)
-        asking.settimeout(TIMEOUT)
-        for name in os.listdir(folder):
-            if device in ("", name):
+        unsent = [name for name in os.listdir(folder) if device in ("", name)]
+        answers: Answers = dict.fromkeys(unsent, ("", -1))
+        end = time.monotonic() + TIMEOUT
+        while True:
+            asking.settimeout(0.0)
+            for name in unsent[:]:
                 try:
                     # By way of its folder: that path is never too long.
                     asking.sendto(kind.encode(), f"/proc/self/fd/{folder}/{name}")
+                except (ConnectionRefusedError, FileNotFoundError):
+                    del answers[name]  # its servo has ended
                 except OSError:
-                    continue  # its servo has ended
-                answers[name] = "", -1
-        for _ in range(len(answers)):
-            answer, ancillary, _, sender = asking.recvmsg(_ANSWER_BYTES, _ANSWER_BYTES)
+                    continue  # no space; it has not answered until it does
+                unsent.remove(name)
+            left = end - time.monotonic()
+            if left <= 0.0 or all(uid >= 0 for _, uid in answers.values()):
+                return answers or None
+            asking.settimeout(min(left, _RETRY) if unsent else left)
+            try:
+                answer, ancillary, _, sender = asking.recvmsg(_ANSWER_BYTES, _ANSWER_BYTES)
+            except TimeoutError:
+                continue
             uid = int.from_bytes(ancillary[0][2][4:8], sys.byteorder)
             answers[str(sender).rpartition("/")[2]] = answer.decode(), uid
-    except TimeoutError:
-        pass
     finally:
         asking.close()
         os.close(folder)
-    return answers or None

@@ -15,7 +15,7 @@ from orientd.cli.parameters import Option
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
-    from orientd.client import Robot
+    from orientd.client import Robot, Way
     from orientd.config import DeviceSettings
 
 PATIENCE = 0.5
@@ -112,6 +112,12 @@ class Endpoint:
 
     lease = False
 
+    def way(self) -> Way:
+        """Return the endpoint of the daemon."""
+        from orientd.client import Way
+
+        return Way.find(self.socket, self.address, self.cert, self.key, self.ca)
+
     def connect(self, command: str) -> Robot:
         """Return a connection to the daemon, which its first call opens.
 
@@ -120,10 +126,10 @@ class Endpoint:
         Args:
             command: the name that others see if they are refused because of it.
         """
-        from orientd.client import Robot, Way
+        from orientd.client import Robot
 
         return Robot(
-            Way.find(self.socket, self.address, self.cert, self.key, self.ca),
+            self.way(),
             holder=f"orientd {command}, process {os.getpid()}",
             beside=self.lease or bool(os.environ.get("ORIENTD_LEASE")),
         )

@@ -20,6 +20,7 @@ from orientd.first_stop import Answers
 
 if TYPE_CHECKING:
     from orientd.cli.output import Output
+    from orientd.client import Way
     from orientd.protocol import control_pb2 as pb
 
 _TIMEOUT = 2.0
@@ -43,26 +44,40 @@ def run(asked: dict[str, str], answers: Answers | None) -> bool:
     if told is None:
         return False
 
-    # What moved is stopped: from here on nothing is in a hurry.
+    # The servos have taken the stop: from here on nothing is in a hurry.
     from orientd.cli import output
-    from orientd.client import Connection, Way, after_stop
+    from orientd.client import Way
 
     try:
-        with contextlib.closing(Connection(Way(path), timeout=_TIMEOUT)) as connection:
-            reports = after_stop(connection, device)
+        tell_now(Way(path), device, output.Output(as_json=as_json))
     except OrientdError:
         _tell_little(told, as_json=as_json)
-        return True
-    try:
-        tell(reports, output.Output(as_json=as_json))
     except BrokenPipeError:
         output.close_output()
         raise SystemExit(1) from None
     return True
 
 
+def tell_now(way: Way, device: str, out: Output) -> None:
+    """Print the state of each device after a stop.
+
+    Args:
+        way: endpoint of the daemon.
+        device: its name; empty for all of them.
+        out: where to print.
+
+    Raises:
+        OrientdError: the daemon does not answer in time.
+    """
+    from orientd.client import Connection, after_stop
+
+    with contextlib.closing(Connection(way, timeout=_TIMEOUT)) as connection:
+        reports = after_stop(connection, device)
+    tell(reports, out)
+
+
 def tell(reports: list[pb.DeviceReport], out: Output) -> None:
-    """Print what each device was doing when the stop arrived."""
+    """Print the state of each device, a line for each."""
     from orientd.cli import texts
 
     lines = [f"{report.name}: {texts.state(report)}" for report in reports]

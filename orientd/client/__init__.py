@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from orientd.client.pointing import BaseReport, Pointing
     from orientd.client.robot import Robot, after_stop, connect
     from orientd.client.smoothing import smoothed_orientations, smoothed_positions
-    from orientd.client.stop_call import ask_to_stop
+    from orientd.client.stop_call import ask_to_stop, check_answered
     from orientd.client.target_messages import TARGET_KEYS, target_message
     from orientd.client.teaching import MeasuredPose, Teaching
     from orientd.client.tracking import Tracking
@@ -43,7 +43,7 @@ __getattr__ = lazily(
         "orientd.client.playing": ("PlayTiming", "Playing"),
         "orientd.client.pointing": ("BaseReport", "Pointing"),
         "orientd.client.robot": ("Robot", "after_stop", "connect"),
-        "orientd.client.stop_call": ("ask_to_stop",),
+        "orientd.client.stop_call": ("ask_to_stop", "check_answered"),
         "orientd.client.target_messages": ("TARGET_KEYS", "target_message"),
         "orientd.client.teaching": ("MeasuredPose", "Teaching"),
         "orientd.client.smoothing": ("smoothed_orientations", "smoothed_positions"),

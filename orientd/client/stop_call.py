@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from orientd.first_stop import Answers, send, stop_folder
 def ask_to_stop(
     socket_path: Path, kind: str, device: str = "", *, answers: Answers | None = None
 ) -> list[dict[str, Any]] | None:
-    """Stop devices; return what each was doing, or ``None`` if no servo listens.
+    """Stop devices; return what each was doing, or ``None`` if no servo can be asked.
 
     Args:
         socket_path: of the daemon.
@@ -38,6 +39,8 @@ def ask_to_stop(
             answers = send(str(socket_path), kind, device)
     except PermissionError as error:
         raise AccessError(f"{folder} does not admit user {os.geteuid()}") from error
+    except OSError:
+        return None  # such as too many open files: the daemon may still be asked
     if answers is None:
         return None
     check_folder(folder.absolute())
@@ -54,11 +57,29 @@ def ask_to_stop(
             raise AccessError(f"the daemon at {socket_path} refuses: user {met[0]} is not admitted")
         state, motion = met
         stopped.append({"name": name, "state": state, "motion": int(motion)})
-    if silent:
-        told = ", ".join(one["name"] for one in stopped)
-        rest = f"; told to stop: {told}" if told else ""
-        raise DaemonError(f"no servo of {', '.join(silent)} answers the {kind}{rest}")
+    check_answered(kind, dict.fromkeys(silent, ""), [one["name"] for one in stopped])
     return stopped
+
+
+def check_answered(kind: str, silent: Mapping[str, str], stopped: Iterable[str]) -> None:
+    """Check that every servo has answered a stop: silence never counts as stopped.
+
+    Args:
+        kind: ``stop`` or ``halt``.
+        silent: each device whose servo has not answered, with the reason if that is known.
+        stopped: the devices whose servos have.
+
+    Raises:
+        DaemonError: a servo has not answered.
+    """
+    if not silent:
+        return
+    may = "it may still move" if len(silent) == 1 else "they may still move"
+    reasons = "; ".join(f"{name}: {reason}" for name, reason in silent.items() if reason)
+    why = f" ({reasons})" if reasons else ""
+    told = ", ".join(stopped)
+    rest = f"; told to stop: {told}" if told else ""
+    raise DaemonError(f"no servo of {', '.join(silent)} answers the {kind}: {may}{why}{rest}")
 
 
 def refusal(socket_path: Path) -> str:

@@ -13,6 +13,7 @@ from collections.abc import Awaitable, Callable, Collection, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, TypeVar, TypeVarTuple
 
+from orientd.client import check_answered
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import Settings
 from orientd.daemon.device import Device, DeviceEvent
@@ -233,8 +234,11 @@ class Devices:
         caller = one_line(caller, 200) or "somebody"
         reason = f"stopped by {caller}"
         failures = _stop(devices, reason, is_quickest=is_quickest, motion=motion)
+        silent = {name: str(e) for name, e in failures.items() if isinstance(e, DaemonError)}
+        taken = [device.name for device in devices if device.name not in failures]
+        check_answered("halt" if is_quickest else "stop", silent, taken)
         if failures:
-            raise failures[0]
+            raise next(iter(failures.values()))
         return devices
 
     def check(self, token: str, device: Device, owner: str) -> Lease:
@@ -252,9 +256,9 @@ class Devices:
 
 def _stop(
     devices: Iterable[Device], reason: str, *, is_quickest: bool = False, motion: int = 0
-) -> list[OrientdError]:
+) -> dict[str, OrientdError]:
     """Stop all *devices* even if one fails, or only their motion *motion*; return the failures."""
-    failures = []
+    failures: dict[str, OrientdError] = {}
     for device in devices:
         try:
             if not motion:
@@ -263,5 +267,5 @@ def _stop(
                 device.abandon(run, reason)
         except OrientdError as error:
             _log.warning("%s: stop failed: %s", device.name, error)
-            failures.append(error)
+            failures[device.name] = error
     return failures

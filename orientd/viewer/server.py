@@ -31,6 +31,7 @@ MOST_BYTES = 8 * 2**20
 """The largest request; a motion file is one."""
 
 URGENT = ("stop", "halt")
+"""Requests that are always answered: with ``answered``, and ``refused`` if they failed."""
 _STOPPERS = 4
 """Threads that do nothing but stop."""
 
@@ -144,6 +145,9 @@ class PageServer:
             answer = {"refused": str(error)}
         except (KeyError, TypeError, ValueError):
             answer = {"refused": "the request makes no sense"}
+        if worker is not None:
+            # A page that hears nothing says so: silence never counts as stopped.
+            answer = {**(answer or {}), "answered": request["do"]}
         if answer is not None:
             await connection.send(json.dumps(answer))
 

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from orientd import first_stop, motion_file
-from orientd.client import MoveHandle, Robot
+from orientd import motion_file
+from orientd.client import MoveHandle, Robot, ask_to_stop
 from orientd.errors import LeaseError, OrientdError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import samples
@@ -297,13 +297,15 @@ class View:
         self._proposal = Proposal(lines, plan)
 
     def _stop(self, kind: str) -> None:
-        """Stop every device, by the shortest way there is."""
+        """Stop every device, by the shortest way there is.
+
+        Raises:
+            OrientdError: a servo does not answer, or no daemon does.
+        """
         robot = self._watcher.robot(even_lost=True)
         daemon = robot.local_socket
-        with contextlib.suppress(OSError):
-            if daemon is not None and first_stop.send(str(daemon), kind):
-                return
-        robot.stop() if kind == "stop" else robot.halt()
+        if daemon is None or ask_to_stop(daemon, kind) is None:
+            robot.stop() if kind == "stop" else robot.halt()
 
     def _hold(self) -> None:
         """End hand guiding: the device holds, and the recorded keyframes stay."""

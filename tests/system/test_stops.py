@@ -1,5 +1,6 @@
 """Stop is apart from everything: each servo hears of it at a socket of its own."""
 
+import contextlib
 import json
 import os
 import signal
@@ -8,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import grpc
 import pytest
 from command_line import assert_refused, orientd
 from harness import DEVICE, DaemonProcess, spin, until
@@ -167,3 +169,40 @@ def test_a_servo_that_stands_still_is_said_not_to_answer(daemon):
             ask_to_stop(daemon.socket, "stop")
     finally:
         os.kill(pid, signal.SIGCONT)
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """Return a daemon with two devices; the servo of the arm reads nothing and has no room left."""
+    with DaemonProcess(tmp_path / "pair", lease=600.0, patience=60.0, others=("leg",)) as process:
+        pid = process.device().servo_pid
+        os.kill(pid, signal.SIGSTOP)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sending:
+            sending.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    sending.sendto(b"stop", str(stop_socket(process)))
+        yield process
+        os.kill(pid, signal.SIGCONT)
+
+
+SILENT = "no servo of arm answers the stop: it may still move"
+
+
+@pytest.mark.parametrize("kind", ["stop", "halt"])
+def test_nobody_takes_silence_for_a_stop(pair, kind):
+    done = orientd(kind, "--socket", pair.socket)
+    assert_refused(done, SILENT.replace("stop", kind), "told to stop: leg")
+    lines = dict(line.split(": ", 1) for line in done.stdout.splitlines())
+    assert lines.keys() == {"arm", "leg"}
+    assert lines["arm"].startswith("unknown: no cycle for ")
+    assert lines["leg"] == "holding"
+    with package.connect(pair.socket) as robot, pytest.raises(DaemonError) as refused:
+        getattr(robot, kind)()
+    assert SILENT.replace("stop", kind) in str(refused.value)
+    call = pair.stub.Stop if kind == "stop" else pair.stub.Halt
+    with pytest.raises(grpc.RpcError) as failed:
+        call(pb.StopRequest(caller="test"))
+    assert failed.value.code() is grpc.StatusCode.UNAVAILABLE
+    assert SILENT.replace("stop", kind) in failed.value.details()
+    assert "told to stop: leg" in failed.value.details()

@@ -108,6 +108,21 @@ def test_a_page_stops_a_motion_while_the_daemon_hangs(daemon, page):
         until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest, as the daemon says")
 
 
+@pytest.mark.parametrize("kind", ["stop", "halt"])
+def test_a_page_is_told_that_a_servo_does_not_answer_a_stop(daemon, page, kind):
+    page.ask(kind)
+    page.until(lambda page: {"answered": kind} in page.answers, "an answer to the stop")
+    pid = daemon.device().servo_pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        page.ask(kind)
+        page.await_refusal(f"no servo of arm answers the {kind}: it may still move")
+        assert page.answers[-1]["answered"] == kind
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    page.await_line("Holding")
+
+
 def test_a_page_shows_a_motion_before_it_is_sent(daemon, page):
     before = daemon.device().motion_number
     page.ask("file", name="turn.yaml", content=TURN)

@@ -98,6 +98,22 @@ def test_the_stop_button_stops_a_motion_of_somebody_else(daemon, page):
     *_, last = stream
     assert last.summary.outcome == pb.OUTCOME_STOPPED
     assert f"(user:{os.getuid()})" in last.summary.text.partition("stopped by")[2]
+
+
+def test_a_stop_that_a_servo_does_not_answer_stays_on_the_page_until_one_is(daemon, page):
+    pid = daemon.device().servo_pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        press(page, "Stop")
+        silent = page.get_by_text(
+            "Not stopped: no servo of arm answers the stop: it may still move"
+        )
+        silent.wait_for()
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    until(lambda: daemon.device().state == pb.STATE_HOLDING, "a servo that goes on")
+    press(page, "Stop")
+    silent.wait_for(state="hidden")
     page.get_by_text("Holding").wait_for()
     daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
 

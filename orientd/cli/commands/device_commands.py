@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 from orientd.cli.command import Commander, Endpoint, OneOrAll
 from orientd.cli.output import Output
 from orientd.cli.parameters import Argument
+from orientd.errors import DaemonError, OrientdError
 
 if TYPE_CHECKING:
     from orientd.client import Robot
@@ -18,11 +20,17 @@ def _of_all(name: str, told: str) -> Callable[..., None]:
     """Return the command that stops devices, independent of their leases."""
 
     def act(at: Endpoint, out: Output, device: OneOrAll = "") -> None:
-        from orientd.cli.urgent import tell
+        from orientd.cli import urgent
 
-        with at.connect(name) as robot:
-            reports = getattr(robot, name)(device)
-        tell(reports, out)
+        try:
+            with at.connect(name) as robot:
+                reports = getattr(robot, name)(device)
+        except DaemonError:
+            # Some devices may have stopped: the state of each, above the error.
+            with contextlib.suppress(OrientdError):
+                urgent.tell_now(at.way(), device, out)
+            raise
+        urgent.tell(reports, out)
 
     return _named(name, told, act)
 

@@ -54,8 +54,8 @@ SLOW_ANSWER_TIMEOUT = 60.0
 
 _SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET, Command.FREE)
 _STOPPING = (Command.STOP, Command.HALT, Command.SHUTDOWN)
-_POLL, _SLOW_POLL = 0.0005, 0.005
-_LOOK = 0.05
+_RESTING = (ServoState.IDLE, ServoState.HOLDING, ServoState.FAULT)
+_POLL, _SLOW_POLL, _LOOK = 0.0005, 0.005, 0.05
 _NO_LIMITS = ServoLimits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 _LONGEST_END = 30.0
@@ -122,8 +122,7 @@ class ServoProcess:
         self._cones = settings.to_keep_out()
         self._read_ahead = read_ahead
         self._tell = tell
-        self._explaining = explaining
-        self._stops = stops
+        self._explaining, self._stops = explaining, stops
         self._lock = threading.Lock()
         self._ready = threading.Event()
         self._has_ended = False
@@ -323,7 +322,9 @@ class ServoProcess:
         busy = self._slow
         index = self._post(memory, command, *values, *servo_limits.floats())
         posted = time.monotonic()
-        if command in _STOPPING and (busy is not None or not memory.cycles.head):
+        newest = None if busy is None else self.newest()
+        is_at_rest = newest is not None and newest.state in _RESTING
+        if command in _STOPPING and (is_at_rest or not memory.cycles.head):
             self._take(index)
             return posted  # it stops what does not move
         answer = self._await(memory, index, command, posted)

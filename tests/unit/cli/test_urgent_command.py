@@ -82,6 +82,73 @@ def test_a_halt_of_one_device_is_sent_before_all_else(there, stops, priorities):
     assert priorities == [(os.PRIO_PROCESS, 0, -20)]
 
 
+@contextlib.contextmanager
+def servos(folder):
+    """Listen as the servos of two devices; yield their sockets, in the order of the folder."""
+    folder.mkdir(mode=0o700)
+    with contextlib.ExitStack() as stack:
+        listening = {}
+        for name in ("arm", "leg"):
+            listening[name] = servo = stack.enter_context(
+                socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+            )
+            servo.bind(str(folder / name))
+        yield {name: listening[name] for name in os.listdir(folder)}
+
+
+def fill(path):
+    """Leave no room for another datagram at *path*."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sending:
+        sending.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                sending.sendto(b"hello", str(path))
+
+
+def test_a_servo_that_reads_nothing_never_counts_as_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(first_stop, "TIMEOUT", 0.02)
+    with servos(tmp_path / "socket.stop"):
+        for _ in range(20):  # more than there is room for
+            answers = first_stop.send(str(tmp_path / "socket"), "stop")
+            assert answers == {"arm": ("", -1), "leg": ("", -1)}
+
+
+def test_a_servo_without_room_delays_the_stop_of_no_other(tmp_path):
+    folder = tmp_path / "socket.stop"
+    with servos(folder) as listening:
+        hung, other = listening.values()
+        fill(folder / next(iter(listening)))
+
+        def go_on():
+            # The first servo goes on only once the second one has its stop.
+            _, sender = other.recvfrom(100)
+            other.sendto(b"took STREAMING 1", sender)
+            while hung.recvfrom(100)[0] != b"stop":
+                pass
+            hung.sendto(b"took STREAMING 2", sender)
+
+        going = threading.Thread(target=go_on)
+        going.start()
+        answers = first_stop.send(str(tmp_path / "socket"), "stop")
+        going.join()
+    assert {answer for answer, _ in answers.values()} == {"took STREAMING 1", "took STREAMING 2"}
+
+
+def test_a_servo_that_has_ended_is_left_out(tmp_path):
+    with servos(tmp_path / "socket.stop"):
+        pass
+    assert first_stop.send(str(tmp_path / "socket"), "stop") is None
+
+
+def test_a_silent_servo_is_left_to_the_command_line(there, stops, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(first_stop, "TIMEOUT", 0.5)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as silent:
+        silent.bind(str(tmp_path / "socket.stop" / "tail"))
+        fill(tmp_path / "socket.stop" / "tail")
+        assert not run(["stop"])
+    assert capfd.readouterr().out == ""
+
+
 def test_an_unknown_device_is_left_to_the_command_line(there, stops):
     assert not run(["stop", "-d", "tail"])
     assert not stops

@@ -6,11 +6,12 @@ import threading
 import time
 
 import pytest
+from harness import until
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device.servo_process import ANSWER_TIMEOUT, ServoProcess
 from orientd.errors import DaemonError, StateError
-from orientd.stream import Command
+from orientd.stream import Command, ServoLimits, ServoState
 
 
 @pytest.fixture
@@ -73,6 +74,33 @@ def test_a_stop_passes_a_command_that_takes_its_time_and_others_are_refused(serv
     assert "is stopped (SIGSTOP or a debugger), it cannot enable" in refused[0]
     with pytest.raises(StateError, match="not possible while idle"):
         servo.ask(Command.SPEED, speed=1.0)
+
+
+def test_a_stop_of_what_moves_waits_for_its_answer_behind_a_slow_command(servo):
+    await_cycles(servo)
+    servo.ask(Command.ENABLE)
+    limits = ServoLimits(1.0, 10.0, 100.0, 1.0, 10.0, 1.0)
+    servo.ask(Command.TRACK, motion=1, servo_limits=limits)
+    until(lambda: servo.newest().state is ServoState.TRACKING, "tracking")
+    os.kill(servo.pid, signal.SIGSTOP)
+    refused = []
+
+    def disable():
+        try:
+            servo.ask(Command.DISABLE)
+        except DaemonError as error:
+            refused.append(error)
+
+    disabling = threading.Thread(target=disable)
+    disabling.start()
+    try:
+        until(lambda: servo._slow is not None, "a slow command under way")
+        with pytest.raises(DaemonError, match="it cannot stop"):
+            servo.ask(Command.STOP)
+    finally:
+        os.kill(servo.pid, signal.SIGCONT)
+        disabling.join()
+    assert refused
 
 
 def test_a_command_waits_as_long_as_the_servo_may_stall(servo, gate):
