@@ -63,16 +63,33 @@ def check_socket(path: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a socket's folder that another user owns, or that others can write.
+    """Refuse a socket's folder that another user owns, or that everybody can write.
+
+    A shared folder such as ``/tmp`` is refused too.  Its sticky bit protects the files that you
+    have there.  But another user can take the name of your socket, its lock or its stop folder
+    first, and then your daemon does not start.
+
+    A folder that its group can write causes a warning.  A member can remove the socket, and then
+    nothing can stop the device through it.  No member can answer in its place, since each answer
+    is checked for its user.
 
     Raises:
         DaemonError: the folder is not safe.
     """
     found = folder.stat()
     check_uid(folder, found.st_uid)
-    if found.st_mode & stat.S_IWOTH:
-        mode = stat.S_IMODE(found.st_mode)
-        raise DaemonError(f"others can write {folder} (mode {mode:o}): chmod go-w it")
+    mode = stat.S_IMODE(found.st_mode)
+    if mode & stat.S_IWOTH:
+        is_shared = mode & stat.S_ISVTX
+        advice = "" if is_shared else f"chmod o-w {folder}, or "
+        raise DaemonError(
+            f"others can write {folder} (mode {mode:o}): {advice}choose another folder"
+        )
+    if mode & stat.S_IWGRP:
+        import logging  # a stop does without
+
+        problem = "the group of %s can remove the sockets in it (mode %o): chmod g-w %s"
+        logging.getLogger(__name__).warning(problem, folder, mode, folder)
 
 
 def _user(uid: int) -> str:

@@ -11,7 +11,6 @@ import contextlib
 import json
 import logging
 import os
-import shutil
 import socket
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -27,6 +26,8 @@ _log = logging.getLogger(__name__)
 _TAKING = 0.5
 """How long a servo may take to make room for the news of who is admitted, s."""
 
+_ADVICE = "move it away, or choose another socket"
+
 Record = Callable[..., object]
 """Records a stop, by keywords: its origin, the identity, the kind, devices and times."""
 
@@ -35,7 +36,7 @@ class StopFolder:
     """The folder where the servos of one daemon listen for stops."""
 
     def __init__(self, control_socket: Path, policy: RolePolicy, *, record: Record) -> None:
-        """Make the folder, in the place of one that a daemon before has left.
+        """Make the folder, in the place of one that an earlier daemon has left.
 
         Args:
             control_socket: the daemon's socket.
@@ -43,14 +44,12 @@ class StopFolder:
             record: records stops.
 
         Raises:
-            DaemonError: that is not possible.
+            DaemonError: that is not possible, or something of the user's is there.
         """
         self._folder = Path(stop_folder(str(control_socket)))
         self._policy, self._record = policy, record
         try:
-            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-                shutil.rmtree(self._folder)
-            self._folder.unlink(missing_ok=True)  # a socket, of an older version
+            _remove_left_over(self._folder)
             self._folder.mkdir(mode=0o700)
             self._let_reach()
         except OSError as error:
@@ -99,8 +98,31 @@ class StopFolder:
         return who
 
     def close(self) -> None:
-        """Remove the folder; the servos have ended."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        """Remove the folder, once the servos have ended; files of the user stay."""
+        with contextlib.suppress(OSError, DaemonError):
+            _remove_left_over(self._folder)
 
     def _let_reach(self) -> None:
         self._folder.chmod(0o755 if self._policy.admits_others else 0o700)
+
+
+def _remove_left_over(folder: Path) -> None:
+    """Remove a folder of stop sockets; a user's folder of the same name keeps all of its files.
+
+    Raises:
+        DaemonError: it is no folder, or holds anything but sockets.
+        OSError: it cannot be removed.
+    """
+    if folder.is_symlink() or not folder.is_dir():
+        if folder.is_socket():  # of an older version
+            folder.unlink()
+        elif folder.is_symlink() or folder.exists():
+            raise DaemonError(f"{folder} is no folder of stop sockets: {_ADVICE}")
+        return
+    entries = sorted(folder.iterdir())
+    other = next((path for path in entries if path.is_symlink() or not path.is_socket()), None)
+    if other is not None:
+        raise DaemonError(f"{folder} holds {other.name!r}, which is no stop socket: {_ADVICE}")
+    for path in entries:
+        path.unlink()
+    folder.rmdir()

@@ -206,3 +206,12 @@ def test_nobody_takes_silence_for_a_stop(pair, kind):
     assert failed.value.code() is grpc.StatusCode.UNAVAILABLE
     assert SILENT.replace("stop", kind) in failed.value.details()
     assert "told to stop: leg" in failed.value.details()
+
+
+def test_a_folder_of_the_user_in_the_place_of_the_stop_sockets_is_left_alone(tmp_path):
+    thesis = tmp_path / "robot.stop" / "thesis.txt"
+    thesis.parent.mkdir()
+    thesis.write_text("precious")
+    done = orientd("run", "--socket", tmp_path / "robot")
+    assert_refused(done, f"{thesis.parent} holds 'thesis.txt'", "choose another socket")
+    assert thesis.read_text() == "precious"

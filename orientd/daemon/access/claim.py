@@ -66,8 +66,14 @@ def _lock(lock_path: Path, path: Path) -> int:
             who = f"process {holder}" if holder else "another process"
             raise DaemonError(f"a daemon listens at {path} already ({who})") from error
         if is_same_file(descriptor, lock_path):
+            content = os.read(descriptor, 32).strip()
+            if content and not content.isdigit():
+                os.close(descriptor)
+                raise DaemonError(
+                    f"{lock_path} is no lock of a daemon: move it away, or choose another socket"
+                )
             os.ftruncate(descriptor, 0)
-            os.write(descriptor, f"{os.getpid()}\n".encode())
+            os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
             return descriptor
         os.close(descriptor)  # removed by its last holder in between
 
@@ -88,12 +94,16 @@ def _remove_stale(path: Path) -> None:
         return
     if not stat.S_ISSOCK(mode):
         raise DaemonError(f"cannot listen at {path}: the file exists and is not a socket")
+    listens = f"cannot listen at {path}: another program listens there"
     with sockets.socket(sockets.AF_UNIX, sockets.SOCK_STREAM) as probe:
+        probe.setblocking(False)
         try:
             probe.connect(str(path))
         except ConnectionRefusedError:
             path.unlink(missing_ok=True)
+        except BlockingIOError as error:  # as many connections wait there as it permits
+            raise DaemonError(listens) from error
         except OSError as error:
             raise DaemonError(f"cannot use the socket {path}: {error.strerror}") from error
         else:
-            raise DaemonError(f"cannot listen at {path}: another program listens there")
+            raise DaemonError(listens)

@@ -58,6 +58,25 @@ def test_a_folder_that_others_can_write_is_refused(folder, mode):
         check_folder(folder)
 
 
+def test_the_advice_for_a_shared_folder_changes_nothing_for_others(folder):
+    folder.chmod(0o1777)
+    with pytest.raises(DaemonError, match=r"\(mode 1777\): choose another folder$"):
+        check_folder(folder)
+    folder.chmod(0o777)
+    with pytest.raises(DaemonError, match=rf": chmod o-w {folder}, or choose another folder$"):
+        check_folder(folder)
+
+
+def test_a_folder_that_its_group_can_write_is_named_in_a_warning(folder, caplog):
+    check_folder(folder)
+    assert not caplog.messages
+    folder.chmod(0o770)
+    check_folder(folder)
+    (warning,) = caplog.messages
+    assert warning.startswith(f"the group of {folder} can remove the sockets in it (mode 770)")
+    assert warning.endswith(f"chmod g-w {folder}")
+
+
 @needs_root
 def test_a_folder_of_others_is_refused(folder):
     os.chown(folder, OTHER, OTHER)

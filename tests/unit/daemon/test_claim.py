@@ -1,5 +1,6 @@
 """One daemon for each socket."""
 
+import contextlib
 import os
 import socket
 import stat
@@ -66,6 +67,32 @@ def test_a_socket_that_somebody_else_listens_at_is_left_alone(path):
         with pytest.raises(DaemonError, match="another program listens there"), claimed(path):
             pass
         assert path.exists()
+
+
+def test_a_socket_with_a_full_backlog_is_left_alone(path):
+    path.parent.mkdir()
+    with contextlib.ExitStack() as stack:
+        server = stack.enter_context(socket.socket(socket.AF_UNIX))
+        server.bind(str(path))
+        server.listen(0)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                waiting = stack.enter_context(socket.socket(socket.AF_UNIX))
+                waiting.setblocking(False)
+                waiting.connect(str(path))
+        with pytest.raises(DaemonError, match="another program listens there"), claimed(path):
+            pass
+        assert path.exists()
+
+
+@pytest.mark.parametrize("content", ["precious", "content-hash = 12\n"])
+def test_a_file_that_is_no_lock_is_left_alone(path, content):
+    path.parent.mkdir()
+    mine = path.with_name("control.sock.lock")
+    mine.write_text(content)
+    with pytest.raises(DaemonError, match="is no lock of a daemon: move it away"), claimed(path):
+        pass
+    assert mine.read_text() == content
 
 
 def test_a_file_that_is_no_socket_is_left_alone(path):

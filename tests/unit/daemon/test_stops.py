@@ -1,0 +1,80 @@
+"""The folder of the stop sockets: what the daemon removes there, and what it leaves alone."""
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from orientd.config import AccessSettings
+from orientd.daemon.access import RolePolicy
+from orientd.daemon.stops import StopFolder
+from orientd.errors import DaemonError
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return tmp_path / "robot.stop"
+
+
+def made(folder):
+    control = folder.with_suffix("")
+    return StopFolder(control, RolePolicy(AccessSettings()), record=lambda **_: None)
+
+
+def left_behind(path):
+    """Make a stop socket that nobody listens at, as a killed servo leaves it."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as servo:
+        servo.bind(str(path))
+
+
+def test_sockets_that_an_earlier_daemon_has_left_are_removed(folder):
+    folder.mkdir()
+    left_behind(folder / "arm")
+    stops = made(folder)
+    assert list(folder.iterdir()) == []
+    left_behind(folder / "arm")
+    stops.close()
+    assert not folder.exists()
+
+
+def test_a_socket_of_an_older_version_is_replaced(folder):
+    left_behind(folder)
+    made(folder).close()
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("name", ["thesis.txt", "papers/thesis.txt"])
+def test_a_folder_of_the_user_is_left_alone(folder, name):
+    thesis = folder / name
+    thesis.parent.mkdir(parents=True)
+    thesis.write_text("precious")
+    left_behind(folder / "arm")
+    what = name.partition("/")[0]
+    reason = rf"{folder} holds '{what}', which is no stop socket: move it away, or choose another"
+    with pytest.raises(DaemonError, match=reason):
+        made(folder)
+    assert thesis.read_text() == "precious"
+    assert (folder / "arm").exists()
+
+
+def test_a_file_of_the_user_is_left_alone(folder):
+    folder.write_text("precious")
+    with pytest.raises(DaemonError, match=rf"{folder} is no folder of stop sockets: move it away"):
+        made(folder)
+    assert folder.read_text() == "precious"
+
+
+def test_a_link_to_a_folder_of_the_user_is_left_alone(folder, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    folder.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(DaemonError, match="is no folder of stop sockets"):
+        made(folder)
+    assert folder.is_symlink()
+    assert (tmp_path / "elsewhere").is_dir()
+
+
+def test_a_file_that_comes_into_the_folder_meanwhile_is_kept(folder):
+    stops = made(folder)
+    Path(folder, "thesis.txt").write_text("precious")
+    stops.close()
+    assert Path(folder, "thesis.txt").read_text() == "precious"
