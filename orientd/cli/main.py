@@ -5,13 +5,16 @@ Exit status 0 means done, 1 refused or failed, 2 a usage error.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
+import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import click
@@ -50,6 +53,9 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names.s
 _LONG = 1.0
 """Duration from which a refusal reports its time, s."""
 
+_APART = 0.5
+"""Signals within this time are one interrupt, s."""
+
 TRACEBACK = "ORIENTD_TRACEBACK"
 """Environment variable that shows the traceback of a defect."""
 
@@ -81,10 +87,20 @@ class Commands(Group):
         )
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - what Click returns
-        """Run the command of the command line; Ctrl-C is an error like others."""
+        """Run the command of the command line; Ctrl-C is an error like others.
+
+        Only the command can be interrupted: a further signal does not keep it from its exit status.
+        """
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        ours = [number for number in numbers if signal.getsignal(number) is ctx.obj]
         try:
-            return super().invoke(ctx)
+            try:
+                _handle(ours, _Interrupt())
+                return super().invoke(ctx)
+            finally:
+                _handle(ours, signal.SIG_IGN)
         except KeyboardInterrupt as error:
+            _handle(ours, signal.SIG_IGN)
             raise OrientdError("interrupted") from error
 
     def main(  # type: ignore[override] # of all that Click passes only this matters here
@@ -107,6 +123,26 @@ class Commands(Group):
             status = 2 if isinstance(error, click.ClickException) else 1
             _tell(error, as_json="--json" in given)
         sys.exit(status)
+
+
+class _Interrupt:
+    """Raise ``KeyboardInterrupt``, only once for signals in quick succession.
+
+    A second one would interrupt the end of the command, such as the wait for a stop.
+    """
+
+    _last = -math.inf
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
+        if now - self._last > _APART:
+            self._last = now
+            signal.default_int_handler(number, frame)
+
+
+def _handle(numbers: Sequence[int], handler: Callable[..., object] | signal.Handlers) -> None:
+    for number in numbers:
+        signal.signal(number, handler)
 
 
 def _is_ours(error: Exception) -> bool:
@@ -196,15 +232,19 @@ app = command_of(
 )
 
 
-def main() -> None:
-    """Run the command line."""
+def main(end_at_once: Callable[..., object] = signal.default_int_handler) -> None:
+    """Run the command line.
+
+    Args:
+        end_at_once: handles signals before the command runs.
+    """
     # gRPC's own log lines are about its connections, which our errors describe.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     # Searching for plugins of pydantic opens every installed distribution.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # SIGTERM acts like an interrupt: a motion stops on its path, and nothing is left behind.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    app()
+    signal.signal(signal.SIGTERM, end_at_once)
+    app(obj=end_at_once)
 
 
 if __name__ == "__main__":  # as units of systemd begin that were installed before

@@ -20,7 +20,7 @@ def main() -> NoReturn:
     # A process that ignores the signal, such as a background job of a shell, has a reason to.
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
-        signal.signal(signal.SIGINT, _end)
+        signal.signal(signal.SIGINT, end_at_once)
     asked = first_stop.plain(sys.argv[1:])
     if asked is not None:
         answers = first_stop.first(asked)
@@ -35,9 +35,7 @@ def main() -> NoReturn:
         warnings.simplefilter("ignore")
     from orientd.cli.main import main as run
 
-    if is_ours:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    run()
+    run(end_at_once)
     sys.exit(0)
 
 
@@ -50,8 +48,8 @@ def _open_standard_streams() -> None:
             setattr(sys, name, nothing)
 
 
-def _end(number: int, frame: FrameType | None) -> None:
-    """End at once; an exception inside an import would look like a library's."""
+def end_at_once(number: int, frame: FrameType | None) -> None:
+    """End at a signal before the command runs: an exception would look like a library's."""
     del number, frame
     os.write(2, b"orientd: interrupted\n")
     os._exit(1)

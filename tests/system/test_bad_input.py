@@ -11,7 +11,7 @@ import subprocess
 import sys
 
 import pytest
-from command_line import assert_refused, begin, inside, orientd
+from command_line import assert_refused, begin, environment, inside, orientd
 from harness import is_alive, until
 
 import orientd as package
@@ -326,6 +326,68 @@ def test_ctrl_c_while_modules_are_loaded_is_one_line():
     assert (done.returncode, done.stdout, done.stderr) == (1, "", "orientd: interrupted\n")
 
 
+INTERRUPTED_BEFORE_THE_COMMAND = """
+import os, signal
+import click
+from orientd.cli.start import main
+
+class Context(click.Context):
+    def __init__(self, *arguments, **more):
+        os.kill(os.getpid(), signal.SIGINT)
+        super().__init__(*arguments, **more)
+
+click.Command.context_class = Context
+signal.signal(signal.SIGINT, signal.default_int_handler)
+main()
+"""
+
+INTERRUPTED_BEHIND_THE_COMMAND = """
+import atexit, os, signal
+from orientd.cli.start import main
+
+atexit.register(os.kill, os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+main()
+"""
+
+
+INTERRUPTED_WITHIN_CODE_OF_A_STRING = """
+import os, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == "orientd.cli.commands.daemon_commands":
+            exec("os.kill(os.getpid(), signal.SIGINT)")
+
+sys.meta_path.insert(0, Interrupt())
+"""
+
+
+def test_ctrl_c_while_a_class_is_made_is_no_death_by_a_signal(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTED_WITHIN_CODE_OF_A_STRING)
+    done = orientd("status", env=environment(PYTHONPATH=str(tmp_path)))
+    assert_refused(done, "interrupted")
+
+
+@pytest.mark.parametrize(
+    ("program", "reason"),
+    [
+        (INTERRUPTED_BEFORE_THE_COMMAND, "interrupted"),
+        (INTERRUPTED_BEHIND_THE_COMMAND, "no daemon answers"),
+    ],
+    ids=["before", "behind"],
+)
+def test_ctrl_c_around_the_command_is_one_line(tmp_path, program, reason):
+    done = subprocess.run(
+        [sys.executable, "-c", program, "status", "--socket", str(tmp_path / "none.sock")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert_refused(done, reason)
+
+
 def is_moving(device):
     return device.state == pb.STATE_STREAMING and device.path_time > 0.5
 
@@ -359,6 +421,25 @@ def test_a_signal_to_a_move_stops_the_motion_on_its_path(daemon, tmp_path, numbe
     assert device.path_time < device.duration
     assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases
     assert not list(daemon.socket.parent.glob("control.sock.lease*"))
+
+
+def test_ctrl_c_twice_ends_a_move_with_its_exit_status(daemon, tmp_path):
+    turn = {"rotation_vector": [0, 0.4, 1], "time": 20}
+    path = write(tmp_path, motion({"rotation_vector": [0, 0, 0.2], "time": 0}, turn, approach=True))
+    before = daemon.device().motion_number
+    process = begin("move", path, "--socket", daemon.socket)
+    until(
+        lambda: (now := daemon.device()).motion_number > before and is_moving(now),
+        "motion",
+    )
+    process.send_signal(signal.SIGINT)
+    until(lambda: daemon.device().state != pb.STATE_STREAMING, "a stop")
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    (line,) = errors.splitlines()
+    assert line.startswith("orientd: motion ")
 
 
 def test_whoever_has_read_enough_hears_no_complaint(tmp_path):
