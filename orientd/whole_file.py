@@ -1,4 +1,4 @@
-"""Write a user's file completely or not at all: on a full disk, the old file stays."""
+"""Write a file completely or not at all: a full disk or a power cut leaves the old file."""
 
 from __future__ import annotations
 
@@ -26,9 +26,20 @@ def written(path: Path) -> Iterator[Path]:
     try:
         try:
             yield part
+            if not is_special:
+                _sync(part)
             part.replace(target)
         finally:
             if not is_special:
                 part.unlink(missing_ok=True)
     except OSError as error:
         raise OrientdError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _sync(path: Path) -> None:
+    """Have the disk keep the content before the name: a power cut would leave an empty file."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

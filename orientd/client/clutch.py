@@ -7,6 +7,7 @@ it, or the pose at which the device rests.  So engaging moves nothing, wherever 
 from __future__ import annotations
 
 import math
+import threading
 import time
 from typing import TYPE_CHECKING, Self
 
@@ -56,6 +57,7 @@ class Anchor:
 
     def __init__(self, report: pb.TrackResponse) -> None:
         """Begin with the first *report* of a session."""
+        self._lock = threading.Lock()
         self.newest = _pose_of(report)
         self.owner: Clutch | None = None
         self._held = self.newest
@@ -68,18 +70,21 @@ class Anchor:
         before, self.newest = self.newest, _pose_of(report)
         is_turning = math.hypot(*to_vector(report.omega_body)) > _STILL
         is_shifting = math.dist(self.newest[1], before[1]) > _STILL
-        # A report from before the end of the newest target does not count.
-        self.is_moving = is_turning or is_shifting or time.monotonic() < self._until
+        with self._lock:
+            # A report from before the end of the newest target does not count.
+            self.is_moving = is_turning or is_shifting or time.monotonic() < self._until
 
     def hold(self, owner: Clutch, pose: Pose, time_to_live: float) -> None:
         """Note a target of a clutch, and how long it counts, s."""
-        self.owner, self._held = owner, pose
-        self._until, self.is_moving = time.monotonic() + time_to_live, True
+        with self._lock:
+            self.owner, self._held = owner, pose
+            self._until, self.is_moving = time.monotonic() + time_to_live, True
 
     def lose(self) -> None:
         """Note a target or a chunk that no clutch has sent."""
-        self.owner = None
-        self._until, self.is_moving = time.monotonic() + _BRIEF, True
+        with self._lock:
+            self.owner = None
+            self._until, self.is_moving = time.monotonic() + _BRIEF, True
 
     @property
     def is_held(self) -> bool:
@@ -88,9 +93,10 @@ class Anchor:
 
     def pose(self) -> Pose | None:
         """Return the pose that the device keeps; ``None`` while it comes to rest."""
-        if self.is_held:
-            return self._held
-        return None if self.is_moving else self.newest
+        with self._lock:
+            if self.is_held:
+                return self._held
+            return None if self.is_moving else self.newest
 
 
 class Clutch:

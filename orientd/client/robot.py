@@ -10,6 +10,7 @@ import contextlib
 import math
 import os
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -135,6 +136,7 @@ class Robot:
         self._stub = self._connection.stub
         self._leases = Leases(self._connection, holder=holder, beside=beside)
         self._moves: list[MoveHandle] = []
+        self._moves_lock = threading.Lock()
 
     def __enter__(self) -> Self:
         return self
@@ -145,9 +147,10 @@ class Robot:
     def close(self) -> None:
         """Release the leases, which stops the motions under them, and close the connection."""
         self._leases.release()
-        for move in self._moves:
+        with self._moves_lock:
+            moves, self._moves = self._moves, []
+        for move in moves:
             move.abandon()
-        self._moves.clear()
         self._connection.close()
 
     # What there is
@@ -457,8 +460,8 @@ class Robot:
         )
         if handle.lease is not None:
             self._leases.keep(handle.lease)
-        self._moves = [move for move in self._moves if not move.is_done]
-        self._moves.append(handle)
+        with self._moves_lock:
+            self._moves = [*(move for move in self._moves if not move.is_done), handle]
         return handle
 
     def home(self, device: str = "") -> MoveHandle:

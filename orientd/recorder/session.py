@@ -42,7 +42,7 @@ class LiveRecording:
         self.events = 0
 
     def end(self) -> None:
-        """End the recording, from any thread or signal handler."""
+        """End the recording, from any thread; a signal handler needs a thread of its own for it."""
         self.ending.set()
 
     def _begin_file(self, offset_ns: int) -> RecordingWriter:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import signal
 import threading
@@ -87,8 +88,13 @@ def check_output(file: Path, seconds: float | None) -> None:
 @contextlib.contextmanager
 def ending(session: LiveRecording, seconds: float | None) -> Iterator[None]:
     """End a recording after a number of seconds, or at Ctrl-C or SIGTERM."""
+
+    def end(*_: object) -> None:
+        # In a thread of its own: the interrupted code may hold the lock that this takes.
+        _thread.start_new_thread(session.end, ())
+
     before = {
-        number: signal.signal(number, lambda *_: session.end())
+        number: signal.signal(number, end)
         for number in (signal.SIGINT, signal.SIGTERM)
         if threading.current_thread() is threading.main_thread()
     }

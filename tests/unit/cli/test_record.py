@@ -1,6 +1,8 @@
 """The commands about recordings, without a daemon."""
 
 import json
+import os
+import signal
 import sys
 
 import numpy as np
@@ -9,7 +11,8 @@ from command_line import assert_refused, inside
 from hand_held import recorded as hand_held
 from recorded import OFFSET_NS, RATE_HZ, moving
 
-from orientd.recorder import RecordingWriter
+from orientd.cli.commands.record import ending
+from orientd.recorder import LiveRecording, RecordingWriter
 
 
 @pytest.fixture(scope="module")
@@ -96,3 +99,11 @@ def test_replay_as_quickly_as_the_limits_permit(table):
 def test_replay_refuses_what_holds_no_orientation(tmp_path):
     (tmp_path / "a.csv").write_text("time,load\n0,1\n")
     assert_refused(inside("replay", tmp_path / "a.csv", "--dry-run"), "no orientations in it")
+
+
+def test_ctrl_c_ends_a_recording_while_the_interrupted_code_holds_its_lock(tmp_path):
+    session = LiveRecording(tmp_path / "a.mcap")
+    with ending(session, None):
+        with session.ending._cond:  # as the main thread does within each wait
+            os.kill(os.getpid(), signal.SIGINT)
+        assert session.ending.wait(10.0)

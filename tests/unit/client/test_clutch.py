@@ -1,6 +1,7 @@
 """A hand moves the device relative to where it is; letting go and engaging again moves nothing."""
 
 import math
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -185,3 +186,21 @@ def test_nobody_who_did_not_move_is_released():
 def test_settings_out_of_range_are_refused(options):
     with pytest.raises(RequestError):
         engaged(**options)
+
+
+def test_a_target_behind_a_report_of_rest_counts():
+    anchor, threads = Anchor(reported(TOOL, PLACE)), []
+
+    class Past(float):
+        """A time in the past; another thread sends a target right after the look at it."""
+
+        def __gt__(self, now):
+            threads.append(threading.Thread(target=anchor.lose))
+            threads[0].start()
+            threads[0].join(0.3)
+            return False
+
+    anchor._until = Past(-math.inf)
+    anchor.note(reported(TOOL, PLACE))
+    threads[0].join()
+    assert anchor.is_moving
