@@ -74,9 +74,13 @@ class StopFolder:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sending:
                 sending.settimeout(_TAKING)
                 for path in self._folder.iterdir():
-                    # A servo that does not run yet reads it when it starts.
-                    with contextlib.suppress(OSError):
+                    try:
                         sending.sendto(news, f"/proc/self/fd/{folder}/{path.name}")
+                    except (ConnectionRefusedError, FileNotFoundError):
+                        pass  # a servo that does not run reads it when it starts
+                    except OSError:
+                        what = "%s: the servo does not take the news of who may stop; reload again"
+                        _log.warning(what, path.name)
         finally:
             os.close(folder)
 

@@ -1,5 +1,6 @@
 """The folder of the stop sockets: what the daemon removes there, and what it leaves alone."""
 
+import contextlib
 import socket
 from pathlib import Path
 
@@ -78,3 +79,23 @@ def test_a_file_that_comes_into_the_folder_meanwhile_is_kept(folder):
     Path(folder, "thesis.txt").write_text("precious")
     stops.close()
     assert Path(folder, "thesis.txt").read_text() == "precious"
+
+
+def test_a_servo_that_does_not_take_the_news_of_who_may_stop_is_named(folder, caplog):
+    stops = made(folder)
+    left_behind(folder / "ended")
+    with (
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as servo,
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sending,
+    ):
+        servo.bind(str(folder / "arm"))
+        stops.admit(RolePolicy(AccessSettings()))
+        assert servo.recv(16_384).startswith(b"admit ")
+        assert not caplog.messages
+        sending.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                sending.sendto(b"hello", str(folder / "arm"))
+        stops.admit(RolePolicy(AccessSettings()))
+    (warning,) = caplog.messages
+    assert warning.startswith("arm: the servo does not take the news")
