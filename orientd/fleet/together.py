@@ -191,23 +191,37 @@ def _all_or_none(
     """Return the motions once all are armed, or withdraw all before they begin.
 
     Raises:
-        OrientdError: one could not be armed.
+        OrientdError: one could not be armed; the message says if another one may still move.
     """
     errors: list[tuple[FleetMotion, OrientdError]] = []
-    handles = []
+    armed: list[tuple[FleetMotion, MoveHandle]] = []
     for one, future in zip(ordered, begun, strict=True):
         try:
-            handles.append(future.result())
+            armed.append((one, future.result()))
         except OrientdError as error:
             errors.append((one, error))
     if not errors:
-        return handles
-    for handle in handles:
-        handle.abandon()
+        return [handle for _, handle in armed]
+    with ThreadPoolExecutor(len(ordered)) as pool:
+        problems = "; ".join(filter(None, pool.map(_withdraw, armed)))
     # Another attempt would not help against any other error.
     one, cause = min(errors, key=lambda pair: isinstance(pair[1], LateError))
+    if problems:
+        raise DaemonError(f"{one}: {cause}; {problems}") from cause
     cause.args = (f"{one}: {cause}; nothing moves", *cause.args[1:])
     raise cause
+
+
+def _withdraw(armed: tuple[FleetMotion, MoveHandle]) -> str:
+    """Withdraw a motion before it begins; return why it may still begin, or an empty string."""
+    motion, handle = armed
+    try:
+        handle.cancel()
+    except OrientdError as error:
+        return f"{motion} may still move: {error}"
+    finally:
+        handle.abandon()
+    return ""
 
 
 def _wait(

@@ -1,0 +1,53 @@
+"""Motions of several daemons that begin together or not at all."""
+
+from concurrent.futures import Future
+
+import pytest
+
+from orientd.errors import DaemonError, LateError
+from orientd.fleet.plan_file import FleetMotion
+from orientd.fleet.together import _all_or_none
+from orientd.planner import Keyframe, MotionRequest
+
+HOME = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))])
+
+
+class Handle:
+    """An armed motion, whose daemon may not answer."""
+
+    def __init__(self, problem=None):
+        self.problem, self.calls = problem, []
+
+    def cancel(self):
+        self.calls.append("cancel")
+        if self.problem is not None:
+            raise self.problem
+
+    def abandon(self):
+        self.calls.append("abandon")
+
+
+def begun(*results):
+    futures = []
+    for result in results:
+        future = Future()
+        failed = isinstance(result, Exception)
+        future.set_exception(result) if failed else future.set_result(result)
+        futures.append(future)
+    names = ("left", "middle", "right")
+    return [FleetMotion(name, "arm", HOME) for name in names], futures
+
+
+def test_motions_are_withdrawn_with_an_answer_if_one_is_late():
+    left, right = Handle(), Handle()
+    with pytest.raises(LateError, match=r"middle.*: too late; nothing moves"):
+        _all_or_none(*begun(left, LateError("too late"), right))
+    assert left.calls == right.calls == ["cancel", "abandon"]
+
+
+def test_a_daemon_that_does_not_answer_a_withdrawal_is_named():
+    left, right = Handle(DaemonError("it did not answer in time")), Handle()
+    reason = r"too late; left.* may still move: it did not answer in time"
+    with pytest.raises(DaemonError, match=reason):
+        _all_or_none(*begun(left, LateError("too late"), right))
+    assert left.calls == right.calls == ["cancel", "abandon"]
