@@ -16,8 +16,6 @@ from orientd.adapters.sky import Floats, Pass, Target, find_pass
 from orientd.client import MoveHandle
 from orientd.errors import DeadlineError, OrientdError
 
-_SIGHT = math.radians(1.5)
-"""Largest angle from a target to a position that still means it, rad."""
 _MARGIN = 1.0
 """Seconds from the end of planning to the start of the motion."""
 _PLANNING = 2.0
@@ -73,7 +71,7 @@ class Passes:
         current = self._pass
         if current is not None and now < current.end:
             is_on_way = self._planning is not None or self._is_followed(current)
-            if is_on_way and math.dist(current.point(now), point) < _SIGHT:
+            if is_on_way and current.is_meant(now, point):
                 return True
         self._pass = None
         found = find_pass(self.targets, now, point)

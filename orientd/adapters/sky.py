@@ -18,12 +18,22 @@ Floats = NDArray[np.float64]
 
 _SIGHT = math.radians(1.0)
 """Largest angle from a target to a position that means it, rad."""
+_STILL_SIGHT = math.radians(1.5)
+"""The same for a pass that is followed, rad."""
+_LATE, _EARLY = 0.5, 5.0
+"""How long ago or in how long a target may be at a position that means it, s."""
+_NEAR_STEP = 0.01
+"""Seconds from one look to the next for a target near a position."""
 _AHEAD = 900.0
 """How long before its rise a target may be waited for, s."""
+_HIGHEST_MASK = math.radians(30.0)
+"""Largest elevation at which a program waits for a target, rad."""
 _LONGEST = 3600.0
 """Longest part of a pass that is planned at once, s."""
-_STEP = 5.0
+_STEP = 1.0
 """Seconds from one look for a rise to the next."""
+_EXACT = 1e-3
+"""Largest error of the time of a rise, s."""
 _FINE = 0.2
 _STRIDE, _PAUSE = math.radians(3.0), 20.0
 """Largest angle, rad, and longest time, s, from one row of a pass to the next."""
@@ -52,7 +62,8 @@ class Pass:
 
     Attributes:
         target: the target.
-        start: when it has risen, or now if it has already, Unix time in s.
+        start: when it rises above the elevation at which a program waits for it, or now if it is up
+            already, Unix time in s.
         end: when it sets, Unix time in s.
     """
 
@@ -61,9 +72,20 @@ class Pass:
     end: float
 
     def point(self, now: float) -> Floats:
-        """Return where it is, or where it rises, as a unit vector."""
+        """Return where it is, or where it will be at the start, as a unit vector."""
         point: Floats = self.target.at(np.array([max(now, self.start)]))[0]
         return point
+
+    def is_meant(self, now: float, point: Floats) -> bool:
+        """Return whether a program that follows the pass may send a position.
+
+        Args:
+            now: Unix time in s.
+            point: unit vector of the position.
+        """
+        if math.dist(self.point(now), point) < _STILL_SIGHT:
+            return True
+        return now > self.start - _EARLY and _is_near(self.target, now, point, _STILL_SIGHT)
 
     def times(self, start: float) -> Floats:
         """Return times from *start* to the end, closer where the target is quicker, s."""
@@ -78,34 +100,72 @@ class Pass:
 def find_pass(targets: Sequence[Target], now: float, point: Floats) -> Pass | None:
     """Return the pass that a position means, among those above the horizon or about to rise.
 
+    The target is at the position within seconds, or a program waits there for its rise above the
+    elevation of the position: above the horizon, or above a mask of its own.
+
     Args:
         targets: the known ones.
         now: Unix time in s.
         point: unit vector of the position.
     """
-    times = now + np.arange(0.0, _AHEAD + _LONGEST, _STEP)
-    found: list[tuple[float, Pass]] = []
-    for target in targets:
-        points = target.at(times)
-        is_up = points[:, 2] > 0.0
-        rises = int(np.argmax(is_up))
-        if not is_up[rises] or times[rises] > now + _AHEAD:
-            continue
-        is_set = ~is_up[rises:]
-        sets = rises + int(np.argmax(is_set)) if is_set.any() else len(times)
-        start = now if rises == 0 else _change(target, float(times[rises - 1]), is_up=True)
-        one = Pass(target, start, _change(target, float(times[sets - 1]), is_up=False))
-        apart = math.dist(one.point(now), point)
-        if apart < _SIGHT:
-            found.append((apart, one))
-    return min(found, key=lambda pair: pair[0])[1] if found else None
+    passes = [
+        Pass(target, start, _end(target, start))
+        for target in targets
+        for start in _starts(target, now, point)
+    ]
+    return min(passes, key=lambda one: math.dist(one.point(now), point), default=None)
 
 
-def _change(target: Target, after: float, *, is_up: bool) -> float:
-    """Return when a target is first up, or last up, within a step after a time."""
-    times = after + np.linspace(0.0, _STEP, 101)
-    up = np.flatnonzero(target.at(times)[:, 2] > 0.0)
-    return float(times[up[0 if is_up else -1]]) if len(up) else after
+def _starts(target: Target, now: float, point: Floats) -> Iterator[float]:
+    """Yield when the passes begin that a position means: now, or at a rise."""
+    heights = target.at(now + np.arange(0.0, _AHEAD + _STEP, _STEP))[:, 2]
+    soon = heights[: math.ceil(_EARLY / _STEP) + 1] > 0.0
+    if soon.any() and _is_near(target, now, point, _SIGHT):
+        row = int(np.argmax(soon))
+        yield _change(target, now + (row - 1) * _STEP, 0.0) if row else now
+        return
+    mask = max(float(point[2]), 0.0)
+    if mask > math.sin(_HIGHEST_MASK):
+        return
+    is_above = heights > mask
+    for row in np.flatnonzero(~is_above[:-1] & is_above[1:]).tolist():
+        rise = _change(target, now + row * _STEP, mask)
+        if math.dist(target.at(np.array([rise]))[0], point) < _SIGHT:
+            yield rise
+
+
+def _is_near(target: Target, now: float, point: Floats, sight: float) -> bool:
+    """Return whether a target above the horizon is at a position within seconds of *now*."""
+    places = target.at(np.arange(now - _LATE, now + _EARLY, _NEAR_STEP))
+    apart = np.linalg.norm(places[places[:, 2] > 0.0] - point, axis=1)
+    return bool(np.any(apart < sight))
+
+
+def _end(target: Target, start: float) -> float:
+    """Return when a target that is up sets, or an hour later."""
+    is_up = target.at(start + np.arange(0.0, _LONGEST, _STEP))[:, 2] > 0.0
+    if is_up.all():
+        return start + _LONGEST
+    return _change(target, start + (int(np.argmin(is_up)) - 1) * _STEP, 0.0)
+
+
+def _change(target: Target, before: float, height: float) -> float:
+    """Return when a target passes a height within a step, at a time at which it is above it.
+
+    Args:
+        target: the target.
+        before: beginning of the step, Unix time in s.
+        height: sine of the elevation.
+    """
+    after = before + _STEP
+    was_above = bool(target.at(np.array([before]))[0, 2] > height)
+    while after - before > _EXACT:
+        middle = 0.5 * (before + after)
+        if bool(target.at(np.array([middle]))[0, 2] > height) is was_above:
+            before = middle
+        else:
+            after = middle
+    return before if was_above else after
 
 
 def from_elements(path: Path, observer: tuple[float, float, float]) -> list[Target]:

@@ -53,7 +53,6 @@ def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
         cycles = robot.watch(DEVICE, rate_hz=20)
         while time.time() < rise + SECONDS + 0.5:
             seen += next(cycles)
-        assert math.dist(client.position(), direction(SECONDS)) < 20.0
     # The motion begins at its time.  A servo that the machine keeps waiting stays on the path, and
     # goes on from the place that it had: a setpoint counts at its own time of the path.
     sent = [one for one in seen if one.motion == seen[-1].motion and one.path_index > 0]
@@ -62,11 +61,10 @@ def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
     since = begun + PERIOD * (places - places[0])
     ahead = rotate(np.array([one.q for one in sent]), [1.0, 0.0, 0.0])
     apart = np.degrees(np.linalg.norm(ahead - vector(*direction(since)), axis=-1))
-    # On a busy machine the pass may be planned late, and is then followed from later on.
-    found = since[(apart < 0.1) & (since > 0.0)]
-    assert len(found)
-    assert found[0] < 0.8 * SECONDS
-    assert apart[(since >= found[0]) & (since < SECONDS - 0.3)].max() < 0.2
+    is_up = (since > 0.3) & (since < SECONDS - 0.3)
+    assert since[is_up].min() < 0.5
+    assert since[is_up].max() > SECONDS - 0.5
+    assert apart[is_up].max() < 0.2
 
 
 def test_a_waiting_pass_is_left_for_a_position_elsewhere(daemon, tmp_path):

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from orientd.adapters import from_elements
+from orientd.adapters import from_elements, from_table
+from orientd.adapters.sky import find_pass
 
 ELEMENTS = """0 VANGUARD 1
 1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753
@@ -33,3 +34,94 @@ def test_a_satellite_is_seen_where_its_place_in_space_says(tmp_path):
     seen = np.array([place[2], -y, x - 6378.137])  # from 0 north, 0 east: north, west, up
     (found,) = target.at(np.array([since_1970]))
     assert found == pytest.approx(seen / np.linalg.norm(seen), abs=2e-5)
+
+
+def great_circle(since, rate):
+    """Return unit vectors of a target that rises due east at time 0; *rate* in degrees a second."""
+    along, aside = np.radians(rate) * np.asarray(since), math.radians(20.0)
+    x, up = np.sin(along) * math.sin(aside), np.sin(along) * math.cos(aside)
+    return np.stack([x, -np.cos(along), up], axis=-1)
+
+
+def table_of(folder, times, points):
+    """Return the target of a table of unit vectors."""
+    x, y, z = points.T
+    azimuth, elevation = np.degrees(np.arctan2(-y, x)) % 360.0, np.degrees(np.arcsin(z))
+    rows = "".join(
+        f"{t:.6f},{a:.6f},{e:.6f}\n" for t, a, e in zip(times, azimuth, elevation, strict=True)
+    )
+    (folder / "pass.csv").write_text(f"time,azimuth,elevation\n{rows}")
+    return from_table(folder / "pass.csv")
+
+
+NOW = 1.8e9
+
+
+def quick_pass(folder, rise, rate):
+    """Return the table of a pass that rises a time after ``NOW``, from 5 degrees below."""
+    since = np.arange(-5.0, 185.0, 2.0) / rate
+    return table_of(folder, NOW + rise + since, great_circle(since, rate))
+
+
+@pytest.mark.parametrize("rate", [5.0, 12.0, 20.0, 33.0, 45.0])
+@pytest.mark.parametrize("mask", [0.0, 10.0])
+def test_a_pass_is_found_at_every_phase_of_the_clock(tmp_path, rate, mask):
+    """A program waits at the rise, or where the target crosses the mask of the program."""
+    crossing = math.degrees(math.asin(math.sin(math.radians(mask)) / math.cos(math.radians(20.0))))
+    position = great_circle(crossing / rate, rate)
+    for phase in np.linspace(0.0, 5.0, 40, endpoint=False):
+        found = find_pass(quick_pass(tmp_path, 30.0 + phase, rate), NOW, position)
+        rise = NOW + 30.0 + phase
+        assert found is not None
+        assert found.start == pytest.approx(rise + crossing / rate, abs=0.005)
+        assert found.end == pytest.approx(rise + 180.0 / rate, abs=0.005)
+        assert math.dist(found.point(NOW), position) < math.radians(0.2)
+
+
+@pytest.mark.parametrize("rate", [5.0, 20.0, 45.0])
+@pytest.mark.parametrize("ahead", [-0.3, 0.0, 1.0, 4.9])
+def test_a_position_on_the_path_of_the_next_seconds_means_the_pass(tmp_path, rate, ahead):
+    """At every phase: a program sends where the target will be, or was a moment ago."""
+    for phase in np.linspace(0.0, 1.0, 8, endpoint=False):
+        since = 0.35 + phase
+        targets = quick_pass(tmp_path, -since, rate)
+        if (since + ahead) * rate < 180.0:
+            found = find_pass(targets, NOW, great_circle(since + ahead, rate))
+            assert found is not None
+            assert found.start == NOW
+
+
+def test_a_position_on_the_path_of_a_later_time_means_no_pass(tmp_path):
+    """Where a target is in half a minute a program does not wait for it, unless at a mask."""
+    targets = quick_pass(tmp_path, -10.0, 1.0)
+    assert find_pass(targets, NOW, great_circle(50.0, 1.0)) is None
+    assert find_pass(targets, NOW, great_circle(25.0, 1.0)) is not None
+
+
+def test_the_next_rise_of_a_target_that_is_up_can_be_asked_for(tmp_path):
+    """A target of two passes a minute."""
+    since = np.arange(-1.0, 119.0, 0.2)
+    targets = table_of(tmp_path, NOW + since, great_circle(since, 6.0))
+    following = find_pass(targets, NOW + 10.0, great_circle(0.0, 6.0))
+    assert following is not None
+    assert following.start == pytest.approx(NOW + 60.0, abs=0.005)
+    assert following.end == pytest.approx(NOW + 90.0, abs=0.005)
+
+
+@pytest.mark.parametrize("late", [-0.4, 0.0, 4.0])
+def test_a_quick_pass_is_still_meant_by_a_position_that_comes_early_or_late(tmp_path, late):
+    found = find_pass(quick_pass(tmp_path, 30.0, 20.0), NOW, great_circle(0.0, 20.0))
+    assert found is not None
+    assert found.is_meant(NOW + 20.0, great_circle(0.0, 20.0))
+    assert found.is_meant(NOW + 33.0, great_circle(3.0 + late, 20.0))
+    assert not found.is_meant(NOW + 33.0, great_circle(0.0, 20.0))
+
+
+def test_of_two_targets_at_a_position_the_one_that_is_there_now_is_meant(tmp_path):
+    """A second one passes there three seconds later."""
+    (first,) = quick_pass(tmp_path, -10.0, 2.0)
+    (second,) = quick_pass(tmp_path, -7.0, 2.0)
+    for targets in ([first, second], [second, first]):
+        found = find_pass(targets, NOW, great_circle(10.0, 2.0))
+        assert found is not None
+        assert found.target is first
