@@ -70,15 +70,16 @@ class Passes:
         now = time.time()
         current = self._pass
         if current is not None and now < current.end:
-            is_on_way = self._planning is not None or self._is_followed(current)
-            if is_on_way and current.is_meant(now, point):
+            is_planned = self._planning is not None and self._planning.is_alive()
+            if (is_planned or self._is_followed(current)) and current.is_meant(now, point):
                 return True
         self._pass = None
         found = find_pass(self.targets, now, point)
         if found is None or _key(found) in self._refused or found.end < now + _SHORTEST:
             return False
         self._pass = found
-        self._planning = threading.Thread(target=self._plan, args=(found,), daemon=True)
+        before = self._planning
+        self._planning = threading.Thread(target=self._plan, args=(found, before), daemon=True)
         self._planning.start()
         return True
 
@@ -111,9 +112,11 @@ class Passes:
                 self._served.robot.stop(self._served.name)
             planning.join(0.5)
 
-    def _plan(self, wanted: Pass) -> None:
-        """Plan the rest of a pass from rest, and start it."""
+    def _plan(self, wanted: Pass, before: threading.Thread | None) -> None:
+        """Plan the rest of a pass from rest, and start it, once the thread before has ended."""
         name = wanted.target.name
+        if before is not None:
+            before.join()
         try:
             self._served.rest()
             self._begin(wanted)
@@ -124,8 +127,6 @@ class Passes:
             if not isinstance(error, DeadlineError) or time.time() > wanted.start:
                 self._refused.add(_key(wanted))
             self._notify(f"{name}: no plan of the whole pass: {error}")
-        finally:
-            self._planning = None
 
     def _begin(self, wanted: Pass) -> None:
         start = max(wanted.start, time.time() + _PLANNING + _MARGIN)
@@ -149,6 +150,8 @@ class Passes:
                 )
                 self._begun = begin
                 self._motion = self._served.begin(plan, begin)
+                if self._pass is not wanted:
+                    self._motion.cancel()  # the pass was left while the daemon took the motion
                 return
             start = now + plan.start_time + (now - asked) + _MARGIN
         raise OrientdError("planning took too long")

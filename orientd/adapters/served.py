@@ -172,6 +172,7 @@ class Served:
         Raises:
             OrientdError: the daemon refuses it.
         """
+        self._check_open()
         self.end_tracking()
         self._moving = self._leased(
             lambda: self.robot.move(plan, device=self.name, start_time=start_time)

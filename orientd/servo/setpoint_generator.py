@@ -227,6 +227,9 @@ class SetpointGenerator:
             raise NotYetError("the speed is changing")
         problem = self.follower.splice(part)
         if not problem:
+            if self._is_waiting and part.leave == self.follower.index:
+                # It replaces all of a motion that waits for its start time.
+                self._start_ns = UNKNOWN
             self._brake_as_promised()
             self.state = following
         return problem

@@ -319,6 +319,37 @@ def test_devices_begin_together(tmp_path):
         assert summary.HasField("start_skew")
 
 
+def test_a_motion_replaces_one_that_waits_for_its_start_time(daemon, robot):
+    first = turn(robot, 0.4, start_time=time.time() + 400.0)
+    after = turn(robot, 0.1, queue=True)
+    second = turn(robot, -0.3)
+    assert second.wait(20.0).outcome == pb.OUTCOME_DONE
+    outcomes = {handle.wait(10.0).outcome for handle in (first, after)}
+    assert outcomes == {pb.OUTCOME_REPLACED}
+    daemon.assert_limits_kept()
+
+
+def test_the_end_of_a_motion_waits_for_none_that_has_not_begun(robot):
+    """Nor does that one end with it."""
+    first = turn(robot, 0.4, start_time=time.time() + 400.0)
+    second, third = (turn(robot, angle, queue=True) for angle in (0.1, 0.2))
+    third.cancel()
+    assert third.wait(10.0).outcome == pb.OUTCOME_STOPPED
+    second.cancel()
+    assert second.wait(10.0).outcome == pb.OUTCOME_STOPPED
+    assert not first.is_done
+    first.cancel()
+    assert first.wait(10.0).outcome == pb.OUTCOME_STOPPED
+
+
+def test_a_motion_queued_behind_a_waiting_one_follows_it(daemon, robot):
+    first = turn(robot, 0.4, start_time=time.time() + 2.0)
+    second = turn(robot, 0.1, queue=True, blend_tolerance=0.05)
+    assert first.wait(20.0).outcome == pb.OUTCOME_PASSED
+    assert second.wait(20.0).outcome == pb.OUTCOME_DONE
+    daemon.assert_limits_kept()
+
+
 def test_what_cannot_be_asked_for_is_refused(robot):
     for how, field in (
         ({"blend_tolerance": 0.1}, "blend_tolerance"),

@@ -23,6 +23,8 @@ from orientd.planner import MotionFacts
 from orientd.servo import TAIL_WORD, records_to_stop
 from orientd.stream import MOVING, UNKNOWN, Command, Cycle, ServoLimits, ServoState
 
+_SOON = 1.0
+"""How long before its start time the servo hears of the motion after a waiting one, s."""
 _FEED_TIME = 0.25
 """Path time, beyond that of a stop, that is fed before the servo gets a new motion, s."""
 
@@ -110,6 +112,9 @@ class MotionQueue:
         motions = self._motions[:]
         if not motions:
             raise LateError("the running motion has ended")
+        first = motions[0]
+        if first.is_waiting(records * first.motion.facts.period):
+            return SplicePoint(first.number, 0)
         place = next((k for k, s in enumerate(motions) if s.number == cycle.motion), 0)
         queued = motions[place]
         here = 0
@@ -277,6 +282,8 @@ class MotionQueue:
         left: QueuedMotion | None = None
         for queued in self._motions:
             if left is not None and queued.feeder is None:
+                if self.first.is_waiting(_SOON):
+                    return  # the servo cannot forget a motion again
                 self._follow(queued, left)
             feeder, last = queued.feeder, queued.last_record
             if feeder is None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from orientd.daemon.device.feeder import Feeder
-from orientd.daemon.device.meter import MotionMeter
+from orientd.daemon.device.meter import NANOSECONDS, MotionMeter
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import RequestError
 from orientd.protocol import control_pb2 as pb
@@ -142,6 +143,10 @@ class QueuedMotion:
     def began_ns(self) -> int | None:
         """When it began to move, monotonic clock; ``None`` if that is not known."""
         return None if self.meter is None else self.meter.began_ns
+
+    def is_waiting(self, seconds: float = 0.0) -> bool:
+        """Return whether it will still wait for its start time after a number of seconds."""
+        return self.options.start_ns > time.monotonic_ns() + round(seconds * NANOSECONDS)
 
     def path_time(self, cycle: Cycle) -> float:
         """Return the time within the motion at a cycle of it, s."""

@@ -304,6 +304,8 @@ class Retargeting:
         chosen, left = time.monotonic(), self._left(leave)
         is_shaped = bool(left.facts.first_joints)
         rows = _LATER if len(late) < _LATER_ATTEMPTS else () if is_shaped else _LATER[:1]
+        if not leave.record:
+            rows = _LATER[:1]  # at rest: the motion that runs waits for its start time
         refusal: PlanError | None = None
         for together in rows:
             ahead = [leave.record + round(seconds / self._period) for seconds in together]

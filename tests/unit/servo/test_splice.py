@@ -289,6 +289,21 @@ def test_a_stop_before_that_instant_leaves_the_device_where_it_is():
     assert np.ptp(rig.sent(), axis=0).max() == 0.0
 
 
+def test_a_motion_that_replaces_a_waiting_one_begins_at_once():
+    rig = Rig()
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+    first = rig.lay(*PATH)
+    instant = rig.clock.now_ns() + 10**12
+    assert rig.ask(Command.START, path_index=first, start_ns=instant)[0] is Answer.DONE
+    rig.run(20)
+    target = rotation.multiply(PATH[0][0], rotation.exp([0.0, 0.3, 0.0]))
+    assert splice(rig, bridge(PATH, 0, target, 1.0), first)[0][0] is Answer.DONE
+    rig.run(2)
+    assert rig.cycle.motion == 2
+    ends_at(rig, target)
+    assert rig.clock.now_ns() < instant
+
+
 @pytest.mark.parametrize("cycles", [30, 200, 400, 700, 990])
 def test_a_halt_comes_to_rest_inside_the_limits(cycles):
     rig = Rig()
