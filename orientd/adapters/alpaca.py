@@ -17,7 +17,7 @@ from urllib.parse import unquote
 import orientd
 from orientd.adapters.alpaca_device import AlpacaDevice, BadRequest, envelope, read_call
 from orientd.errors import DaemonError
-from orientd.own_socket import own_socket
+from orientd.own_socket import ClientListener, is_own_page, own_socket
 
 _QUESTION = b"alpacadiscovery1"
 
@@ -118,6 +118,10 @@ class Alpaca:
             raise BadRequest(f"there is no device {kind[:40]}/{place}")
         return device.answer(member, call)
 
+    def admits(self, origin: str | None, host: str) -> bool:
+        """Return whether a request is carried out, by its headers Origin and Host."""
+        return is_own_page(origin, host, is_local=self._is_local)
+
     def page(self) -> str:
         """Return the page for people."""
         names = ", ".join(device.name for device in self._devices.values())
@@ -164,8 +168,17 @@ class _Server(ThreadingHTTPServer):
     def __init__(self, listener: socket.socket, alpaca: Alpaca) -> None:
         super().__init__(listener.getsockname(), _Handler, bind_and_activate=False)
         self.socket.close()
-        self.socket = listener
+        self.socket, self._listener = listener, ClientListener(listener)
         self.alpaca = alpaca
+
+    def get_request(self) -> tuple[socket.socket, Any]:
+        """Return the next client; the library waits for another if there is none."""
+        return self._listener.accept()
+
+    def server_close(self) -> None:
+        """Accept no more clients."""
+        super().server_close()
+        self._listener.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401 - as inherited
         """Take a client that hangs up as its end."""
@@ -182,6 +195,8 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer a GET."""
         path, _, query = self.path.partition("?")
+        if not self._is_admitted():
+            return
         if path.startswith("/setup") or path == "/":
             self._send(HTTPStatus.OK, "text/html", self.server.alpaca.page().encode())
             return
@@ -195,7 +210,18 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.BAD_REQUEST, "text/plain", b"the body is too long")
             return
         body = self.rfile.read(int(length))
+        if not self._is_admitted():
+            return
         self._answer(self.path.partition("?")[0], body.decode("latin-1"), is_put=True)
+
+    def _is_admitted(self) -> bool:
+        """Return whether the server carries the request out; refuse it otherwise."""
+        origin, host = self.headers.get("Origin"), self.headers.get("Host", "")
+        if self.server.alpaca.admits(origin, host):
+            return True
+        self.close_connection = True
+        self._send(HTTPStatus.FORBIDDEN, "text/plain", b"the Host or the Origin is not this server")
+        return False
 
     def _answer(self, path: str, text: str, *, is_put: bool) -> None:
         try:

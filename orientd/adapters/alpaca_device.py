@@ -12,6 +12,7 @@ import itertools
 import math
 import threading
 import uuid
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import partial
@@ -21,6 +22,7 @@ from urllib.parse import parse_qsl
 import orientd
 from orientd.adapters.served import Served
 from orientd.errors import DaemonError, DeviceError, OrientdError, PlanError, RequestError
+from orientd.own_socket import MOST_CLIENTS
 
 NOT_IMPLEMENTED = 0x400
 INVALID_VALUE = 0x401
@@ -144,7 +146,7 @@ class AlpacaDevice:
         self._served = served
         self.name = f"orientd {self.kind.lower()} {served.name}"
         self.unique_id = str(uuid.uuid5(uuid.NAMESPACE_DNS, f"{uuid.getnode()}/{self.name}"))
-        self._clients: set[int] = set()
+        self._clients: OrderedDict[int, None] = OrderedDict()
         self._lock = threading.Lock()
         self._gets, self._puts, self._state = gets, puts, state.split()
         self._lacks = {*lacks.split(), "commandblind", "commandbool", "commandstring"}
@@ -166,6 +168,8 @@ class AlpacaDevice:
         """
         with self._lock:
             is_connected, is_free = call.client in self._clients, bool(self._clients)
+            if is_connected:
+                self._clients.move_to_end(call.client)
         free: Members = {**self._general, "connected": is_connected}
         own: Members = {**self._gets, "devicestate": self._device_state}
         if call.is_put:
@@ -191,7 +195,12 @@ class AlpacaDevice:
         if connected:
             self._served.enable()
         with self._lock:
-            (self._clients.add if connected else self._clients.discard)(client)
+            self._clients.pop(client, None)
+            if connected:
+                self._clients[client] = None
+            if len(self._clients) > MOST_CLIENTS:
+                # A program that ends without disconnecting comes back with another number.
+                self._clients.popitem(last=False)
 
     def _device_state(self) -> list[dict[str, Any]]:
         members = [(name, self._gets[name.lower()]) for name in self._state]

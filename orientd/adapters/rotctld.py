@@ -17,7 +17,7 @@ from orientd.adapters.rotctl_protocol import Command
 from orientd.adapters.served import Served
 from orientd.adapters.sky import Target
 from orientd.errors import DaemonError, DeviceError, OrientdError
-from orientd.own_socket import own_socket
+from orientd.own_socket import ClientListener, own_socket
 from orientd.protocol import control_pb2 as pb
 
 _MODEL = "2"
@@ -102,8 +102,9 @@ class Rotctld:
         tips = ranges.elevation[1] > 90.0
         self._pointer = Pointer(served, self._passes, north=north, tips=tips)
         self._refusal = ""
-        self._listener = own_socket(host, port)
-        host, port = self._listener.getsockname()[:2]
+        listening = own_socket(host, port)
+        self._listener = ClientListener(listening)
+        host, port = listening.getsockname()[:2]
         self.endpoint = f"{host}:{port}"
         self._clients: dict[threading.Thread, socket.socket] = {}
         self._do: dict[str, Callable[[Command], Mapping[str, str] | None]] = {
@@ -122,7 +123,10 @@ class Rotctld:
     def serve(self) -> None:
         """Serve until the process is interrupted."""
         while True:
-            client, _ = self._listener.accept()
+            try:
+                client, _ = self._listener.accept()
+            except ConnectionError:
+                continue
             thread = threading.Thread(target=self._talk, args=(client,), daemon=True)
             self._clients[thread] = client
             thread.start()

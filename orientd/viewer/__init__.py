@@ -13,7 +13,6 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.viewer.cell import Member
     from orientd.viewer.cell_view import CellView
-    from orientd.viewer.server import is_loopback
     from orientd.viewer.view import View
 
 __getattr__ = lazily(
@@ -21,7 +20,6 @@ __getattr__ = lazily(
     {
         "orientd.viewer.cell": ("Member",),
         "orientd.viewer.cell_view": ("CellView",),
-        "orientd.viewer.server": ("is_loopback",),
         "orientd.viewer.view": ("View",),
     },
 )

@@ -13,10 +13,8 @@ import threading
 from collections.abc import Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from http import HTTPStatus
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, Protocol
-from urllib.parse import urlsplit
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
@@ -24,7 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from orientd.errors import OrientdError
-from orientd.own_socket import own_socket
+from orientd.own_socket import MOST_CLIENTS, is_loopback, is_own_page, own_socket
 
 FRAMES_HZ = 30.0
 MOST_BYTES = 8 * 2**20
@@ -99,10 +97,13 @@ class PageServer:
 
     def _respond(self, _: ServerConnection, request: Request) -> Response | None:
         """Answer a plain request with the page, and refuse connections of pages from elsewhere."""
-        if not is_own_page(request.headers, is_local=self._is_local):
+        origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
+        if not is_own_page(origin, host, is_local=self._is_local):
             return _response(HTTPStatus.FORBIDDEN, "text/plain", b"not a page of this view\n")
         if "Upgrade" in request.headers:
-            return None
+            if self.pages < MOST_CLIENTS:
+                return None
+            return _response(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", b"too many pages\n")
         if request.path.partition("?")[0] != "/":
             return _response(HTTPStatus.NOT_FOUND, "text/plain", b"there is one page: /\n")
         return _response(HTTPStatus.OK, "text/html; charset=utf-8", self._page)
@@ -150,35 +151,6 @@ class PageServer:
             answer = {**(answer or {}), "answered": request["do"]}
         if answer is not None:
             await connection.send(json.dumps(answer))
-
-
-def is_own_page(headers: Mapping[str, str], *, is_local: bool) -> bool:
-    """Return whether a connection comes from a page that was served here, or from no browser.
-
-    Args:
-        headers: of the request.
-        is_local: whether pages are served to this machine only.  Then the host must be a name of
-            this machine, because an attacker can make another name resolve to it.
-    """
-    origin, host = headers.get("Origin"), headers.get("Host", "")
-    try:
-        if is_local and not is_loopback(urlsplit(f"//{host}").hostname or ""):
-            return False
-        return origin is None or (bool(host) and urlsplit(origin).netloc == host)
-    except ValueError:
-        return False
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether *host* is a name or an address of this machine for itself.
-
-    >>> is_loopback("localhost"), is_loopback("127.0.0.1"), is_loopback("192.0.2.1")
-    (True, True, False)
-    """
-    try:
-        return host == "localhost" or ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _response(status: HTTPStatus, kind: str, body: bytes) -> Response:

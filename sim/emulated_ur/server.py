@@ -41,6 +41,8 @@ PORTS = {
 
 TICK_NS = 2_000_000
 _PRIORITY = 10
+_MOST_CLIENTS = 64
+"""More would not fit into a ``select``."""
 _LONGEST_CATCH_UP_NS = 250_000_000
 
 
@@ -170,6 +172,9 @@ class Server:
         try:
             sock, _ = self._listeners[kind].accept()
         except OSError:
+            return
+        if len(self._connections) >= _MOST_CLIENTS:
+            sock.close()
             return
         connection = ClientConnection(sock, kind, self._talk(kind), self.delays[kind])
         self._connections.append(connection)

@@ -6,13 +6,14 @@ import contextlib
 import itertools
 import math
 import os
+import resource
 import signal
 import socket as sockets
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -337,6 +338,19 @@ def children(pid: int) -> set[int]:
     tasks = Path(f"/proc/{pid}/task").glob("*/children")
     found = {int(child) for task in tasks for child in task.read_text().split()}
     return set(filter(is_alive, found))
+
+
+@contextlib.contextmanager
+def without_descriptors(pid: int) -> Iterator[None]:
+    """Let a process open no more descriptors within the context."""
+    used = {int(name) for name in os.listdir(f"/proc/{pid}/fd")}
+    free = next(number for number in itertools.count() if number not in used)
+    soft, hard = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (free, hard))
+    try:
+        yield
+    finally:
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def resident_kib(pid: int, kind: str = "VmRSS") -> int:

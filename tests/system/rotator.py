@@ -42,6 +42,7 @@ def rotctld(daemon, *arguments):
     line = server.stdout.readline()
     assert line.startswith("ready at "), (line, server.stderr.read())
     client = Client(int(line.split()[2].rpartition(":")[2]))
+    client.server = server
     try:
         yield client
     finally:

@@ -13,7 +13,7 @@ from urllib.parse import urlencode
 import pytest
 from command_line import assert_refused, begin, inside, orientd
 from gimbal_bench import GimbalDaemon, await_hold
-from harness import DEVICE, DaemonProcess, until
+from harness import DEVICE, DaemonProcess, until, without_descriptors
 
 from orientd import connect
 from orientd.protocol import control_pb2 as pb
@@ -433,6 +433,60 @@ def test_a_malformed_put_has_status_400_and_moves_nothing(served, daemon):
         status, _ = ask(served, "PUT", f"/api/v1/{member}", body)
         assert (member, body, status) == (member, body, 400)
     assert daemon.device().motion_number == before
+
+
+@pytest.mark.parametrize("headers", [
+    {"Host": "elsewhere.example:{port}"},
+    {"Host": "elsewhere.example:{port}", "Origin": "http://elsewhere.example:{port}"},
+    {"Host": "127.0.0.1:{port}", "Origin": "http://elsewhere.example"},
+    {"Host": "127.0.0.1:{port}", "Origin": "null"},
+])  # fmt: skip
+def test_a_page_from_elsewhere_moves_nothing_and_learns_nothing(served, daemon, headers):
+    """Any web page can make a browser send requests to this machine."""
+    before, port = daemon.device().motion_number, served.address.rpartition(":")[2]
+    headers = {name: value.format(port=port) for name, value in headers.items()}
+    for verb, path, body in (
+        ("PUT", "/api/v1/telescope/0/slewtoaltazasync", "Azimuth=40&Altitude=20"),
+        ("GET", "/api/v1/telescope/0/azimuth", None),
+        ("GET", "/setup", None),
+    ):
+        with http_connection(served) as connection:
+            connection.request(verb, path, body, headers)
+            answered = connection.getresponse()
+            assert (path, answered.status) == (path, 403)
+            answered.read()
+    assert daemon.device().motion_number == before
+
+
+def test_a_server_forgets_the_clients_that_were_silent_for_longest(served):
+    """A program that ends without disconnecting comes back with another number."""
+
+    def is_connected(client):
+        query = urlencode({"ClientID": client})
+        return ask(served, "GET", f"/api/v1/rotator/0/connected?{query}")[1]["Value"]
+
+    for client in range(1, 41):
+        ask(served, "PUT", "/api/v1/rotator/0/connected", f"Connected=True&ClientID={client}")
+        assert is_connected(1)
+    assert not is_connected(2)
+    assert is_connected(40)
+
+
+def test_a_server_without_descriptors_hangs_up_and_goes_on(daemon):
+    with alpaca(daemon) as served, http_connection(served) as connection:
+
+        def answers(one):
+            one.request("GET", "/management/apiversions")
+            return one.getresponse().read()
+
+        assert answers(connection)
+        with without_descriptors(served.process.pid):
+            for _ in range(2):
+                with http_connection(served) as other, pytest.raises(ConnectionError):
+                    answers(other)
+            assert answers(connection)
+        with http_connection(served) as other:
+            assert answers(other)
 
 
 def test_management_describes_the_devices(served):

@@ -1,5 +1,6 @@
 """`orientd serve rotctld` over its socket, with Hamlib's own clients where they are installed."""
 
+import contextlib
 import math
 import random
 import shutil
@@ -8,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from harness import DEVICE, DaemonProcess, until
+from harness import DEVICE, DaemonProcess, until, without_descriptors
 from rotator import Client, rotctld
 
 from orientd.client import connect
@@ -193,6 +194,42 @@ def test_a_line_without_end_is_hung_up_on(client):
     client.socket.sendall(b"S" * 2000)
     assert client.lines.readline() == "RPRT -1\n"
     assert client.lines.readline() == ""
+
+
+def is_served(port):
+    """Connect and ask; return whether the server answers rather than hangs up."""
+    with contextlib.closing(Client(port)) as one:
+        try:
+            return one.ask("p") != [""]
+        except ConnectionError:
+            return False
+
+
+def test_a_server_has_so_many_clients_and_no_more(daemon):
+    with rotctld(daemon) as client, contextlib.ExitStack() as stack:
+        others = [Client(client.port) for _ in range(31)]
+        for one in others:
+            stack.callback(one.close)
+            one.position()
+        assert not is_served(client.port)
+        client.position()
+        others[3].close()
+        until(lambda: is_served(client.port), "another client to be served")
+
+
+def test_a_server_without_descriptors_hangs_up_and_goes_on(daemon):
+    with rotctld(daemon) as client:
+        client.position()
+        # A server that waits for a client has the descriptor for it.
+        with (
+            without_descriptors(client.server.pid),
+            contextlib.closing(Client(client.port)) as last,
+        ):
+            last.position()
+            assert not is_served(client.port)
+            assert not is_served(client.port)
+            client.position()
+        until(lambda: is_served(client.port), "another client to be served")
 
 
 def test_a_direction_is_reached_again_after_a_stop_of_somebody_else(client, daemon):

@@ -45,7 +45,8 @@ def view(
     can stop devices.  Users who take the lease there can also move them.
     """
     need_extra("view")
-    from orientd.viewer import View, is_loopback
+    from orientd.own_socket import is_loopback
+    from orientd.viewer import View
 
     page = View(
         lambda: at.connect("view"),

@@ -18,6 +18,7 @@ from orientd.config import MetricsSettings
 from orientd.daemon.calls.report import CycleReader, cycle_age
 from orientd.daemon.device import Device, DeviceEvent, EventKind
 from orientd.errors import ConfigError
+from orientd.own_socket import ClientListener
 from orientd.stream import Cycle, ServoState
 
 _log = logging.getLogger(__name__)
@@ -130,6 +131,8 @@ class Telemetry:
             raise ConfigError(
                 f"metrics.port: cannot listen at 127.0.0.1:{settings.port}: {error.strerror}"
             ) from error
+        self._listener = ClientListener(server.socket)
+        server.get_request = self._listener.accept
         return server
 
     def close(self) -> None:
@@ -139,6 +142,7 @@ class Telemetry:
         if self._server is not None:
             self._server.shutdown()
             self._server.server_close()
+            self._listener.close()
 
     def _of(self, name: str, *labels: str) -> Any:  # noqa: ANN401 - of the library
         return self._metrics[name].labels(*labels)

@@ -38,6 +38,22 @@ def test_dropping_busy_connections_again_and_again_leaves_it_alive(ur_robot):
         assert answer_to_version_2(client) == ACCEPTED
 
 
+def test_more_clients_than_fit_are_hung_up_on_and_the_others_served(ur_robot):
+    with contextlib.ExitStack() as stack:
+
+        def answer():
+            client = socket.create_connection((ur_robot.host, 30004), 30.0)
+            with contextlib.suppress(ConnectionError):
+                return answer_to_version_2(stack.enter_context(client))
+            return b""
+
+        first = stack.enter_context(socket.create_connection((ur_robot.host, 30004), 30.0))
+        answers = [answer() for _ in range(70)]
+        assert answers[:60] == [ACCEPTED] * 60
+        assert answers[-1] == b""
+        assert answer_to_version_2(first) == ACCEPTED
+
+
 def test_bytes_that_are_no_package_end_only_their_own_connection(ur_robot):
     with (
         socket.create_connection((ur_robot.host, 30004), 2.0) as good,

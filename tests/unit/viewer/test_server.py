@@ -1,5 +1,6 @@
 """Where pages are served, and who may talk to them."""
 
+import contextlib
 import json
 import re
 import socket
@@ -14,7 +15,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from orientd.errors import DaemonError, LeaseError
-from orientd.viewer.server import PageServer, is_own_page
+from orientd.own_socket import MOST_CLIENTS
+from orientd.viewer.server import PageServer
 
 
 class Source:
@@ -102,22 +104,12 @@ def test_a_page_that_was_served_here_is_talked_to(server):
         assert hear(connection, "number") == 0
 
 
-@pytest.mark.parametrize(
-    ("origin", "host", "is_local", "is_own"),
-    [
-        ("http://localhost:8080", "localhost:8080", True, True),
-        ("http://[::1]:8080", "[::1]:8080", True, True),
-        # A name that an attacker has made to mean this machine.
-        ("http://elsewhere.example:8080", "elsewhere.example:8080", True, False),
-        ("http://cell-3:8080", "cell-3:8080", False, True),
-        ("http://cell-3:9090", "cell-3:8080", False, False),
-        ("null", "cell-3:8080", False, False),
-        (None, "cell-3:8080", False, True),
-    ],
-)
-def test_whose_page_it_is_follows_from_origin_and_host(origin, host, is_local, is_own):
-    headers = {"Host": host} if origin is None else {"Host": host, "Origin": origin}
-    assert is_own_page(headers, is_local=is_local) is is_own
+def test_more_pages_than_a_server_may_have_are_refused(server):
+    with contextlib.ExitStack() as stack:
+        for _ in range(MOST_CLIENTS):
+            hear(stack.enter_context(page(server)), "number")
+        with pytest.raises(InvalidStatus, match="503"), page(server):
+            pass
 
 
 def test_a_port_in_use_is_refused_and_no_other_taken(source):
