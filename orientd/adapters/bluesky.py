@@ -281,6 +281,7 @@ class RotationAxis:
         def wait() -> None:
             try:
                 summary = handle.wait()
+                self._angle.await_measurement()  # plans read the angle at once
                 is_done = summary.outcome == pb.OUTCOME_DONE
                 problem = end(is_done)
                 is_excused = summary.outcome == pb.OUTCOME_STOPPED and status.is_stop_success

@@ -100,6 +100,16 @@ class WatchedAngle:
             age = report.feedback_age
         return Reading(setpoint, angle, time.time() - age)
 
+    def await_measurement(self) -> None:
+        """Wait for a measurement of the place that the device has reached, but not for long.
+
+        Raises:
+            DaemonError: no daemon answers.
+        """
+        reached = 1e-9 * self._served.report().cycle.deadline_ns + self._period
+        with self._news:
+            self._news.wait_for(lambda: self._measured_at > reached, _PATIENCE)
+
     def clock_offset(self) -> float:
         """Return the offset from the daemon's monotonic clock to its time of day, s."""
         return 1e-9 * self._observer.configuration().offset_ns

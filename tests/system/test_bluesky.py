@@ -106,6 +106,15 @@ def test_a_scan_reads_the_angle_at_every_point(theta, engine, documents):
     assert descriptor["hints"]["theta"] == {"fields": ["theta"]}
 
 
+def test_a_move_ends_when_its_end_is_measured(tmp_path):
+    """The measurements of this device are 0.4 s old."""
+    with DaemonProcess(tmp_path / "daemon", options="delay_cycles = 200") as daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with connect(daemon.socket) as robot, RotationAxis(robot, name="theta") as theta:
+            assert theta.set(30.0).exception(30.0) is None
+            assert theta.position == pytest.approx(30.0, abs=1e-6)
+
+
 def test_count_reads_the_axis_without_moving_it(theta, engine, documents, daemon):
     before = daemon.device().motion_number
     engine(bp.count([theta], num=5))
