@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from math import dist, radians
+from math import degrees, dist, radians
+from operator import sub
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
@@ -53,6 +54,8 @@ from orientd_ur.timing import ControllerClock, TickListener, TickPhase, WriteSil
 
 _LOOKING = 0.5
 _FIRST_PACKAGES = 1.0
+_COMING_TO_REST = 2.0
+_STANDS = 1e-4
 # After this many polls the receiving thread has run, however busy the machine is.
 _LOOKS_BEFORE_STALE = 3
 _REASON_TIMEOUT = 0.02
@@ -185,16 +188,18 @@ class UrDriver(Driver):
         """Make the control program play, and set the tool, payload and watchdog.
 
         Raises:
-            DeviceFaultError: the robot may not move, or is not in remote control.
+            DeviceFaultError: the robot may not move, is not in remote control, or commands
+                another pose than it measures.
             LinkError: the link is lost, or another client holds the robot.
         """
         self._arm = self._arm or self._identified()
         self._program.play()
         self._clock.reset()
-        measured = self._awaited(FeedbackError(f"{self._options.host} sends no data packages"))
+        measured = self._standing()
         now_ns = self.clock.now_ns()
         # The commanded pose: the measured one differs by the load of the arm.
         joints, numbers = self._link.commanded()
+        self._require_agreement(joints, measured.joints)
         q, position = self._sent = pose_of(numbers)
         self._rotation = (numbers[3], numbers[4], numbers[5])
         start = Feedback(now_ns, q, position=position, joints=measured.joints)
@@ -377,6 +382,39 @@ class UrDriver(Driver):
             if self._options.model is not None:
                 raise
             return None
+
+    def _standing(self) -> Feedback:
+        """Wait until the controller commands the arm to stand; return the measurement then.
+
+        Raises:
+            DeviceFaultError: the arm does not come to rest.
+            FeedbackError: the controller sends no data packages.
+        """
+        error = FeedbackError(f"{self._options.host} sends no data packages")
+        ends = time.monotonic() + _COMING_TO_REST
+        joints: tuple[float, ...] = ()
+        while True:
+            measured, before = self._awaited(error), joints
+            self._link.tell("kickWatchdog")
+            joints, _ = self._link.commanded()
+            if before and max(map(abs, map(sub, before, joints))) < _STANDS:
+                return measured
+            if time.monotonic() > ends:
+                raise DeviceFaultError(f"the arm of {self._options.host} does not come to rest")
+
+    def _require_agreement(self, commanded: Sequence[float], measured: Sequence[float]) -> None:
+        """Do nothing if the arm is where the controller commands it to be.
+
+        Raises:
+            DeviceFaultError: it is not: the first setpoint would move it there.
+        """
+        for name, wanted, at in zip(JOINT_NAMES, commanded, measured, strict=True):
+            off = degrees(abs(wanted - at))
+            if off > self._options.arrival_tolerance_deg:
+                raise DeviceFaultError(
+                    f"joint {name} is {off:.1f} deg from where {self._options.host} commands it to "
+                    "be, so enabling would move the arm; find the obstacle or the load, then reset"
+                )
 
     def _reason(self, now_ns: int) -> str:
         """Return why the robot does not follow; its watchdog if it received too little."""

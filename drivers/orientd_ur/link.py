@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 from orientd.errors import DeviceFaultError, LinkError, SpentLinkError
 from orientd_ur.controller import RuntimeState
-from orientd_ur.wire import RTDE_PORT, SCRIPT_PORT
+from orientd_ur.wire import RTDE_PORT, SCRIPT_PORT, RtdeClient
 
 VARIABLES = [
     "timestamp",
@@ -45,6 +45,9 @@ VARIABLES = [
 _CONSTRUCTION_LIMIT = 8.0
 _CALL_LIMIT = 3.0
 _REGISTER_RETRIES = 10
+_CLEARED = 1.0
+# Every controller can send as often.
+_REGISTER_RATE = 125.0
 
 # Connected objects are never destroyed, because their destructors may hang or abort.  The process
 # ends without them.
@@ -174,6 +177,8 @@ class Link:
 
     def take_control(self) -> None:
         """Open the controlling connection, which uploads the control program and plays it.
+
+        The library clears the command register before it uploads.
 
         Raises:
             LinkError: another client holds the registers.
@@ -323,13 +328,42 @@ class Link:
                     raise self._loss(error) from error
                 raise DeviceFaultError(f"{self.host}: {error}") from error
 
+    def clear_command(self) -> None:
+        """Clear the command register: the program carries out its content when it is played.
+
+        Raises:
+            LinkError: the link is lost.
+        """
+        # The library writes 0 for this order, whether or not a program plays.
+        self.order("kickWatchdog")
+
+    def _require_no_command(self) -> None:
+        """Do nothing if the controller reports that the command register is clear.
+
+        Raises:
+            LinkError: the controller does not report it.
+            DeviceFaultError: the register is not clear.
+        """
+        register = f"input_int_register_{24 if self._registers == 'upper' else 0}"
+        with RtdeClient(self.address, _CLEARED, total=_CLEARED) as client:
+            client.subscribe(_REGISTER_RATE, [register])
+            ends = time.monotonic() + 0.5 * _CLEARED
+            while command := client.sample()[register][0]:
+                if time.monotonic() > ends:
+                    raise DeviceFaultError(
+                        f"{self.host} holds the command {command:g} in {register}, which would "
+                        "move the arm; end the program that writes there, then reset"
+                    )
+
     def play(self, timeout: float = 2.0) -> None:
         """Upload the control program again and wait until it plays.
 
         Raises:
             LinkError: the link is lost.
-            DeviceFaultError: the robot does not play it.
+            DeviceFaultError: the robot does not play it, or holds a command for it.
         """
+        self.clear_command()
+        self._require_no_command()
         self.order("reuploadScript")
         self._sockets = send_at_once(self.address)
         ends = time.monotonic() + timeout

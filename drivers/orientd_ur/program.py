@@ -53,7 +53,7 @@ class ControlProgram:
         self.is_free = False
         self.notices: tuple[str, ...] = ()
         self._link, self._options = link, options
-        self._has_ended = self._was_held = False
+        self._has_ended = self._was_held = self._is_cleared = False
         self._asked_ns = 0
         self._asking: threading.Thread | None = None
 
@@ -143,7 +143,7 @@ class ControlProgram:
 
     def give_up(self) -> None:
         """Start to end the running program; *play* would continue to its last setpoint."""
-        self._has_ended = self._was_held = False
+        self._has_ended = self._was_held = self._is_cleared = False
         self._asked_ns = 0
 
     def end(self, now_ns: int) -> None:
@@ -152,12 +152,16 @@ class ControlProgram:
         A playing program receives the command to end in its registers.  A paused program, or one
         held by a safety stop, receives nothing: the dashboard server ends it, in a thread of its
         own, because it may be slow to answer.  Without a dashboard server the program ends as soon
-        as a user plays it.
+        as a user plays it.  Once no program plays, the last setpoint leaves the registers: it would
+        move an arm that is moved by hand meanwhile.
 
         Raises:
             LinkError: the link is lost.
         """
         robot_mode, safety_mode, runtime_state = self._link.modes()
+        if runtime_state != RuntimeState.PLAYING and not self._is_cleared:
+            self._is_cleared = True
+            self._link.clear_command()
         if runtime_state == RuntimeState.STOPPED:
             self._has_ended = self._was_held = True
         elif runtime_state != RuntimeState.PLAYING or obstacle(robot_mode, safety_mode):

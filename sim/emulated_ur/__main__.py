@@ -30,6 +30,7 @@ def main() -> None:
     )  # fmt: skip
     parser.add_argument("--unlock-after", type=float, default=5.0, metavar="SECONDS")
     parser.add_argument("--no-breach-stop", action="store_true", help="clamp fast joints only")
+    parser.add_argument("--stiff-servo", action="store_true", help="do not smooth servo commands")
     parser.add_argument("--until-end-of-input", action="store_true", help="end with the input")
     given = parser.parse_args()
     model = MODELS[given.model]
@@ -40,6 +41,7 @@ def main() -> None:
             protective_stop_leaves=ProgramState[given.protective_stop_leaves.upper()],
             unlock_after=given.unlock_after,
             stops_on_breach=not given.no_breach_stop,
+            smooths_servo=not given.stiff_servo,
         )
         serve(given.host, behaviour, lifeline=0 if given.until_end_of_input else None)
     except (OSError, ValueError) as error:

@@ -92,7 +92,7 @@ class Controller:
 
     def __init__(self, behaviour: Behaviour | None = None) -> None:
         self.behaviour = behaviour or Behaviour()
-        self.arm = Arm(model=self.behaviour.model)
+        self.arm = Arm(model=self.behaviour.model, smooths_servo=self.behaviour.smooths_servo)
         self.ticks = 0
         # Clients mistake a clock that starts at zero for a controller that is still booting.
         self.timestamp = 100.0

@@ -62,6 +62,8 @@ class Arm:
     Args:
         q: initial joints, rad.
         model: model of the arm.
+        smooths_servo: whether lookahead and gain of a servo command count; otherwise the arm goes
+            to its goal in one cycle.
 
     Attributes:
         model: model of the arm.
@@ -72,9 +74,16 @@ class Arm:
         blocked: joints that do not move, whatever is commanded, counted from 0.
     """
 
-    def __init__(self, q: Sequence[float] = HOME, model: Model = MODELS["ur5e"]) -> None:
+    def __init__(
+        self,
+        q: Sequence[float] = HOME,
+        model: Model = MODELS["ur5e"],
+        *,
+        smooths_servo: bool = True,
+    ) -> None:
         self.model = model
         self.kinematics = Kinematics(model)
+        self._smooths_servo = smooths_servo
         self.target_q: Joints = tuple(q)
         self.target_qd: Joints = (0.0,) * 6
         self.target_qdd: Joints = (0.0,) * 6
@@ -170,6 +179,8 @@ class Arm:
             dt = TICK * scaling
             if dt <= 0.0:
                 return [0.0] * 6
+            if not self._smooths_servo:
+                return [(b - a) / TICK for a, b in zip(here, self._goal, strict=True)]
             keep = math.exp(-self._gain * dt)
             wanted = [(b - a) / self._lookahead for a, b in zip(here, self._goal, strict=True)]
             # Speeds are in real time; the servo works in the program's time.

@@ -93,6 +93,7 @@ class Behaviour:
         power_up: s from one robot mode to the next when powering on.
         program_start: s from the upload of a program until it plays.
         stops_on_breach: whether a joint over its limits stops the robot, or is only clamped.
+        smooths_servo: whether a servo command is smoothed, or reached in a cycle.
     """
 
     model: Model = MODELS["ur5e"]
@@ -103,6 +104,7 @@ class Behaviour:
     power_up: float = 0.1
     program_start: float = 0.02
     stops_on_breach: bool = True
+    smooths_servo: bool = True
 
     @property
     def software(self) -> str:

@@ -7,7 +7,7 @@ import random
 import time
 
 import pytest
-from ur_rig import device_of, fault_of, recover, streaming, swing, until
+from ur_rig import bring, device_of, fault_of, push, recover, streaming, swing, until
 
 from emulated_ur import EmulatedRobot, LaunchError
 from orientd.clock import MonotonicClock
@@ -40,18 +40,6 @@ def press(robot, *, unlock):
                 "the unlocked stop",
             )
         return dashboard.ask("play")
-
-
-def push(robot, angles):
-    """Move the stopped arm by hand; return where it then stands."""
-    still = robot.wait_until(lambda s: s["is_still"])
-    return bring(robot, [q + a for q, a in zip(still["actual_q"], angles, strict=True)])
-
-
-def bring(robot, joints):
-    robot.ask(f"push {' '.join(map(str, joints))} 0.4")
-    is_there = lambda s: s["is_still"] and math.dist(s["actual_q"], joints) < 1e-6  # noqa: E731
-    return robot.wait_until(is_there)["actual_q"]
 
 
 class Stream:

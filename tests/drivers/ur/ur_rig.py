@@ -1,5 +1,6 @@
 """A device of the daemon on an emulated robot, without the daemon."""
 
+import math
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -100,6 +101,19 @@ def recover(device):
     streaming(device)
     until(lambda: is_holding(device), lambda: f"the end after the reset {device.snapshot()}")
     assert device.snapshot().fault is Fault.NONE
+
+
+def push(robot, angles):
+    """Move the stopped arm by hand; return where it then stands."""
+    still = robot.wait_until(lambda s: s["is_still"])
+    return bring(robot, [q + a for q, a in zip(still["actual_q"], angles, strict=True)])
+
+
+def bring(robot, joints):
+    """Move the stopped arm by hand to *joints*; return where it then stands."""
+    robot.ask(f"push {' '.join(map(str, joints))} 0.4")
+    is_there = lambda s: s["is_still"] and math.dist(s["actual_q"], joints) < 1e-6  # noqa: E731
+    return robot.wait_until(is_there)["actual_q"]
 
 
 def is_alive(pid):

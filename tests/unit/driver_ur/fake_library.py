@@ -25,6 +25,7 @@ class FakeRobot:
         self.speed = [0.0] * 6
         self.joints, self.target_joints = list(JOINTS), list(JOINTS)
         self.scaling, self.fraction = 1.0, 1.0
+        self.command = 0
         self.calls = []
         self.answers = {}
         self.refusals = []
@@ -69,6 +70,7 @@ class FakeRobot:
         monkeypatch.setattr("orientd_ur.driver.look", lambda *_, **__: probe)
         arm = MODELS["ur5e"].arm()
         monkeypatch.setattr("orientd_ur.robot.ask", lambda *_: arm)
+        monkeypatch.setattr("orientd_ur.link.RtdeClient", lambda *_, **__: FakeRegisters(robot))
         monkeypatch.setattr("orientd_ur.program.Dashboard", lambda _: FakeDashboard(robot))
         return self
 
@@ -125,6 +127,9 @@ class FakeControl:
 
         def call(*arguments):
             robot.calls.append((name, arguments))
+            # Every order but a setpoint leaves the command register clear; an upload leaves it.
+            if name != "reuploadScript":
+                robot.command = 24 if name == "servoL" else 0
             answer = robot.answers.get(name, True)
             if callable(answer):
                 answer = answer()
@@ -133,6 +138,25 @@ class FakeControl:
             return answer
 
         return call
+
+
+class FakeRegisters:
+    """What the controller says of its registers to another client."""
+
+    def __init__(self, robot):
+        self.robot = robot
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def subscribe(self, _frequency, names):
+        self.names = names
+
+    def sample(self):
+        return dict.fromkeys(self.names, (self.robot.command,))
 
 
 class FakeDashboard(SimpleNamespace):

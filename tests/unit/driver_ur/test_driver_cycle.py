@@ -37,18 +37,55 @@ def cycle(driver, *, ms=2):
 
 
 def test_arm_is_where_the_controller_commands_it_to_be(robot):
-    robot.pose, robot.joints = [0.0] * 6, [0.0] * 6
+    # The load bends the arm.
+    bent = tuple(angle + 0.001 for angle in JOINTS)
+    robot.pose, robot.joints = [0.0] * 6, list(bent)
     driver = robot.driver()
     start = driver.enable()
     assert start.position == (0.1, 0.2, 0.3)
     assert log(start.q) == pytest.approx((0.4, -0.2, 0.1))
-    assert start.joints == (0.0,) * 6
+    assert start.joints == bent
     assert start.time_ns == driver.clock.now_ns()
     arm = driver.mechanism(may_ask=False)
     q, position = arm.forward(JOINTS)
     assert (q, position) == (pytest.approx(start.q), pytest.approx(start.position))
     assert robot.calls[0] == ("receive", (HOST, -1.0, VARIABLES))
     assert robot.calls[1] == ("control", (HOST, -1.0, 1))
+
+
+def test_arm_that_is_not_where_the_controller_commands_it_to_be_is_not_enabled(robot):
+    robot.joints[1] += 0.3
+    with pytest.raises(DeviceFaultError, match=r"joint shoulder is 17\.2 deg from where"):
+        robot.driver().enable()
+
+
+def test_arm_is_enabled_once_it_stands(robot):
+    driver = robot.driver()
+    coasts = iter(range(8))
+    commanded = driver._link.commanded
+
+    def moving():
+        for _ in coasts:
+            robot.target_joints[0] += 0.002
+            robot.joints[0] += 0.002
+            break
+        return commanded()
+
+    driver._link.commanded = moving
+    assert driver.enable().joints[0] == pytest.approx(JOINTS[0] + 0.016)
+
+
+def test_arm_that_does_not_come_to_rest_is_not_enabled(robot, monkeypatch):
+    monkeypatch.setattr("orientd_ur.driver._COMING_TO_REST", 0.01)
+    driver = robot.driver()
+
+    def moving():
+        robot.target_joints[0] += 0.002
+        return tuple(robot.target_joints), robot.target_pose
+
+    driver._link.commanded = moving
+    with pytest.raises(DeviceFaultError, match="does not come to rest"):
+        driver.enable()
 
 
 def test_tool_payload_and_watchdog_are_set_if_they_are_given(robot):
@@ -422,7 +459,7 @@ def test_stream_is_taken_back_in_a_fault(robot):
     cycle(driver)
     cycle(driver)
     assert driver.notices() == ("another program was played on the robot during the fault",)
-    assert len(robot.calls) == 2
+    assert robot.calls[2:] == [("kickWatchdog", ())]
 
 
 def test_program_that_is_played_on_in_a_fault_is_ended_with_a_notice(robot):
@@ -432,10 +469,9 @@ def test_program_that_is_played_on_in_a_fault_is_ended_with_a_notice(robot):
     driver.rest_in_fault()
     for _ in range(3):
         cycle(driver)
-    assert not robot.calls
     robot.modes[2] = int(RuntimeState.PLAYING)
     cycle(driver)
-    assert [name for name, _ in robot.calls] == ["servoStop", "stopScript"]
+    assert [name for name, _ in robot.calls] == ["kickWatchdog", "servoStop", "stopScript"]
     (notice,) = driver.notices()
     assert notice == "the control program was played on the robot during the fault; it was ended"
 
@@ -459,7 +495,43 @@ def test_paused_program_is_ended_at_the_dashboard_twice_a_second_until_it_is(rob
     robot.modes[2] = int(RuntimeState.PLAYING)
     cycle(driver)
     assert driver.notices() == ("another program was played on the robot during the fault",)
-    assert not robot.calls
+    assert not robot.called("stopScript")
+
+
+@pytest.mark.parametrize("state", [RuntimeState.STOPPED, RuntimeState.PAUSED])
+def test_last_setpoint_leaves_the_registers_once_in_a_fault(robot, state):
+    driver, start = enabled(robot)
+    driver.write(Setpoint(0, start.q, position=start.position))
+    robot.modes[2] = int(state)
+    driver.rest_in_fault()
+    assert robot.command == 24
+    for _ in range(3):
+        cycle(driver)
+    assert robot.command == 0
+    assert robot.called("kickWatchdog") == [()]
+
+
+def test_program_is_uploaded_only_once_the_controller_holds_no_command(robot, monkeypatch):
+    driver, start = enabled(robot)
+    driver.write(Setpoint(0, start.q, position=start.position))
+    robot.modes[2] = int(RuntimeState.STOPPED)
+    held = []
+
+    def play():
+        held.append(robot.command)
+        robot.modes[2] = int(RuntimeState.PLAYING)
+        return True
+
+    robot.answers["reuploadScript"] = play
+    driver.reset()
+    assert not any(held)
+    robot.modes[2] = int(RuntimeState.STOPPED)
+    robot.calls.clear()
+    monkeypatch.setattr("orientd_ur.link._CLEARED", 0.02)
+    robot.answers["kickWatchdog"] = lambda: setattr(robot, "command", 24)
+    with pytest.raises(DeviceFaultError, match="holds the command 24 in input_int_register_0"):
+        driver.reset()
+    assert not robot.called("reuploadScript")
 
 
 def test_every_fault_ends_the_program_anew(robot):

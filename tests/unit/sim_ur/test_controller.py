@@ -392,3 +392,11 @@ def test_dashboard_refuses_in_local_control(robot):
     robot.is_remote = False
     assert dashboard.reply(robot, "play").startswith("Command is not allowed")
     assert dashboard.reply(robot, "is in remote control") == "false"
+
+
+def test_stiff_servo_reaches_each_command_in_a_cycle():
+    arm = Arm((0.0,) * 6, smooths_servo=False)
+    for goal in (0.004, 0.001):
+        arm.servo((goal,) * 6, lookahead=0.1, gain=300.0)
+        assert arm.step(1.0) is None
+        assert arm.target_q == pytest.approx((goal,) * 6)
