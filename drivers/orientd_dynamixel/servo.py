@@ -355,10 +355,13 @@ class Servo:
         """
         state = self.get(self.table.watchdog)
         if state == WATCHDOG_TRIPPED:
-            # Read first, so that only the goal itself comes between the two writes.
+            # Read first, and wait for no answer between the two writes: until its new goal arrives,
+            # the servo moves to the old one.  The acknowledged writes show that both arrived.
             goal = sendable(self.present_position())
-            self.put(self.table.watchdog, 0)
-            self.put(self.table.goal, goal)
+            writes = (self.table.watchdog, 0), (self.table.goal, goal)
+            self.bus.sync_write([(self.options.id, *each) for each in writes])
+            for register, value in writes:
+                self.put(register, value)
             self.goal = goal
         elif state:
             self.put(self.table.watchdog, 0)
@@ -438,9 +441,9 @@ class Servo:
         self.goal = self.ticks(angle)
         self.put(self.table.goal, self.goal)
 
-    def is_at_goal(self) -> bool:
-        """Return whether the servo has nearly reached its goal."""
-        return abs(self.get(self.table.position) - self.goal) <= self._held
+    def is_near_goal(self, position: int) -> bool:
+        """Return whether *position*, in its ticks, is as close to the goal as a load allows."""
+        return abs(position - self.goal) <= self._held
 
     def let_go(self) -> None:
         """Switch the torque off, so that the axis can be turned by hand, and the watchdog."""

@@ -9,6 +9,7 @@ the servo.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from operator import sub
 
 from orientd.clock import Clock
 from orientd.errors import DeviceError, DeviceFaultError
@@ -19,6 +20,8 @@ from orientd_dynamixel.turns import Turns
 
 _PARK_LONGEST_S = 20.0
 _STEP_S = 0.05
+_RESTS = 1
+"""Ticks within a step that a resting servo may report."""
 
 
 def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list[str]:
@@ -109,10 +112,15 @@ def engage_all(servos: Sequence[Servo]) -> list[Servo]:
 
 
 def park(servos: Sequence[Servo], angles: Sequence[float], sleep: Sleep) -> None:
-    """Move to *angles* slowly; give up after some time."""
+    """Move to *angles* slowly and wait until all servos rest there; give up after some time."""
     for servo, angle in zip(servos, angles, strict=True):
         servo.go_slowly(angle)
+    before: list[int] = []
     for _ in range(round(_PARK_LONGEST_S / _STEP_S)):
-        if all(servo.is_at_goal() for servo in servos):
+        positions = [servo.get(servo.table.position) for servo in servos]
+        is_near = all(map(Servo.is_near_goal, servos, positions))
+        # A load may keep a servo from its goal, so it counts as parked once it rests nearby.
+        if is_near and before and max(map(abs, map(sub, positions, before))) <= _RESTS:
             return
+        before = positions
         sleep(_STEP_S)

@@ -54,6 +54,7 @@ class Shaft:
         load: 0 turns freely, 1 stalls.
         strain_s: how long it has been stalled.
         stops: lowest and highest reachable position, ticks.
+        trace: receives the position after every step of 2 ms; ``None`` for no record.
     """
 
     def __init__(self, position: float, now_ns: int) -> None:
@@ -65,6 +66,7 @@ class Shaft:
         self.load = 0.0
         self.strain_s = 0.0
         self.stops = (-math.inf, math.inf)
+        self.trace: list[float] | None = None
         self._time_ns = now_ns
         self._turn_steps = 0
 
@@ -85,6 +87,8 @@ class Shaft:
         self.position += self.speed * _STEP_S
         if not low <= self.position <= high:
             self.position, self.speed = min(high, max(low, self.position)), 0.0
+        if self.trace is not None:
+            self.trace.append(self.position)
 
     def settle(self) -> None:
         """Begin the next profile at rest, from where the shaft is."""

@@ -64,6 +64,7 @@ class EmulatedServo:
         supply: steps of 0.1 V.
         temperature: degrees Celsius.
         lie: error of the reported positions; ``None`` for none.
+        keeps_goal: whether it keeps an old goal when the torque comes on.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class EmulatedServo:
         self.model = model
         self.is_connected = True
         self.lie: Lie | None = None
+        self.keeps_goal = False
         self.supply, self.temperature = model.voltage, 32
         self._memory = bytearray(model.end)
         self._owner: dict[int, Register] = {}
@@ -343,7 +345,8 @@ class EmulatedServo:
                 return
             if self._memory[11] == _POSITION:
                 self._lose_turns()
-            self._store_goal(self.shaft.position)
+            if not self.keeps_goal:
+                self._store_goal(self.shaft.position)
             self.shaft.settle()
             self._fed_ns = now_ns
         previous = self._memory[address]

@@ -34,7 +34,7 @@ class Rig:
     """An emulated bus, a driver on it, and the loop that a servo process would be."""
 
     def __init__(self, order="ZYX", *, rate_hz=200, models=None, latency_ms=4.0, seed=0,
-                 is_paced=True, axes=None, **options):  # fmt: skip
+                 is_paced=True, usb_ms=1, axes=None, **options):  # fmt: skip
         pytest.importorskip("dynamixel_sdk")
         from dynamixel_sdk import Protocol2PacketHandler
 
@@ -49,7 +49,7 @@ class Rig:
                 EmulatedServo(k + 1, MODELS[m], now_ns=self.clock.now_ns())
                 for k, m in enumerate(models)
             ],
-            line=SerialLine(is_paced=is_paced, usb_latency_ns=MS if is_paced else 0),
+            line=SerialLine(is_paced=is_paced, usb_latency_ns=usb_ms * MS if is_paced else 0),
             rng=random.Random(seed),
         )
         self.port = VirtualPort(self.bus, self.clock)

@@ -80,8 +80,32 @@ def test_park_is_slow(rig):
     rates = np.diff(places, axis=0) / 4096 * 360 / np.diff(times)[:, None]
     assert 27 <= np.abs(rates).max() <= 32
     assert [it.value(k, "profile acceleration") for k in (1, 2)] == [3, 3]
-    assert places[-1] == pytest.approx([2048 + 683, 2048 - 228], abs=42)
+    assert places[-1] == pytest.approx([2048 + 683, 2048 - 228], abs=1)
     assert torques(it) == [False, False]
+
+
+def test_park_releases_the_torque_only_at_rest(rig):
+    it = rig(at_end="release", park_deg=[10, -20, 5])
+    it.start()
+    it.run(200, lambda k: [np.radians(0.3 * k), np.radians(0.05 * k), np.radians(0.05 * k)])
+    it.run(60)
+    it.driver.disable()
+    released = []
+    for number in (1, 2, 3):
+        servo = it.servo(number)
+        write = servo.write
+
+        def noted(address, content, now_ns, servo=servo, write=write):
+            if (address, content) == (64, b"\0") and servo.is_torque_on:
+                servo.advance(now_ns)
+                released.append((servo.shaft.position, servo.shaft.speed))
+            return write(address, content, now_ns)
+
+        servo.write = noted
+    it.driver.park()
+    wanted = [2048 + angle * 4096 / 360 for angle in (10, -20, 5)]
+    assert [position for position, _ in released] == pytest.approx(wanted, abs=1.0)
+    assert max(abs(speed) for _, speed in released) < 20.0
 
 
 def test_park_is_given_up_if_an_axis_is_held(rig):
