@@ -2,13 +2,17 @@
 
 import inspect
 import math
+import os
+import subprocess
+import sys
+import time
 from dataclasses import dataclass
 from unittest import SkipTest
 
 import pytest
 
 from orientd import driver as offered
-from orientd.clock import ManualClock
+from orientd.clock import ManualClock, MonotonicClock
 from orientd.driver import (
     IDENTITY,
     AxisGap,
@@ -231,6 +235,37 @@ def test_a_protocol_that_is_not_offered_is_skipped(protocol):
         results.append(outcome(suite, name))
     assert results.count("skipped") == 1
     assert set(results) == {"passed", "skipped"}
+
+
+def compute(seconds):
+    """Keep the processor busy until this thread has had it for *seconds*."""
+    ends = time.thread_time() + seconds
+    while time.thread_time() < ends:
+        pass
+
+
+def test_processor_time_of_other_programs_is_not_a_drivers():
+    suite, processors = Suite(), os.sched_getaffinity(0)
+    suite.clock = MonotonicClock()
+    os.sched_setaffinity(0, {min(processors)})
+    others = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(3)]
+    try:
+        compute(0.05)
+        begun = time.perf_counter()
+        taken = suite.seconds(compute, 0.1)
+        in_all = time.perf_counter() - begun
+    finally:
+        for one in others:
+            one.kill()
+            one.wait()
+        os.sched_setaffinity(0, processors)
+    assert 0.099 < taken < 0.6 * in_all
+
+
+def test_waiting_counts_as_a_drivers_time():
+    suite = Suite()
+    suite.clock = MonotonicClock()
+    assert suite.seconds(time.sleep, 0.02) > 0.019
 
 
 # Bad drivers; the name of each says what is wrong with it.

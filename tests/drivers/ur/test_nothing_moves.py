@@ -233,6 +233,18 @@ def test_it_stays_whatever_a_protective_stop_leaves_of_the_program(bench, leaves
 
 
 @pytest.mark.slow
+def test_it_stays_without_a_dashboard_that_ends_the_paused_program(bench):
+    found = bench("--stiff-servo", "--polyscope", "10.11")
+    with found.judged("pause, PolyScope X"):
+        found.robot.ask("pause")
+        fault_of(found.device)
+        found.robot.wait_until(lambda s: s["runtime_state"] == "PAUSED" and s["is_still"])
+        found.move_by_hand()
+        found.reset()
+    turn_a_little(found.device)
+
+
+@pytest.mark.slow
 def test_it_stays_on_a_controller_that_smooths(bench):
     found = bench()
     with found.judged("stop"):
