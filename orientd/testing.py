@@ -170,8 +170,8 @@ class DriverConformance(ABC):
     def seconds(self, call: Callable[..., object], *arguments: object) -> float:
         """Return how long a call takes, s, by a clock that a test moves or by the real one.
 
-        Time in which the call could have gone on, but other programs had the processor, is not
-        counted.
+        Time in which the call was ready to run, but other programs had the processor, does not
+        count.
         """
         begun, begun_ns, delay = time.perf_counter(), self.clock.now_ns(), _processor_delay()
         call(*arguments)
