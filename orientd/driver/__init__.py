@@ -32,7 +32,9 @@ from orientd.driver.protocols import (
 )
 from orientd.driver.registry import driver_target, load_driver, make_driver
 from orientd.driver.values import (
+    FUTURE_NS,
     IDENTITY,
+    MOST_JOINTS,
     ZERO,
     AxisGap,
     AxisLimits,
@@ -42,10 +44,13 @@ from orientd.driver.values import (
     Quaternion,
     Setpoint,
     Vector3,
+    feedback_problem,
 )
 
 __all__ = [
+    "FUTURE_NS",
     "IDENTITY",
+    "MOST_JOINTS",
     "ZERO",
     "Arriving",
     "AxisGap",
@@ -73,6 +78,7 @@ __all__ = [
     "check_names",
     "choice",
     "driver_target",
+    "feedback_problem",
     "findings_of",
     "load_driver",
     "make_driver",

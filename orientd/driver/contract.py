@@ -6,21 +6,25 @@ opens it once, and enables and disables it by command.  Then it calls :meth:`Dri
 for nothing but the device.  :mod:`orientd.driver.values` has the values that pass between the two,
 :mod:`orientd.driver.protocols` the optional methods.
 
-An exception of :meth:`Driver.read` or :meth:`Driver.write` becomes a fault.  Its type decides how
-the device comes to rest.  To brake, the servo keeps reading and writing until the device stands
+An exception of a method that the servo calls in a cycle becomes a fault.  Its type decides how the
+device comes to rest.  To brake, the servo keeps reading and writing until the device stands
 still on its path.  To cut off, the servo writes nothing more and calls :meth:`Driver.disable` at
 once.
 
-====================  ===================  ====================================
+====================  ===================  =========================================
 raised                fault                what the servo does
-====================  ===================  ====================================
+====================  ===================  =========================================
 ``FeedbackError``     ``feedback_stale``   brakes on the path
 ``AxisFaultError``    ``device_fault``     brakes on the path
 ``DeviceFaultError``  ``device_fault``     cuts off
 ``LinkError``         ``link_lost``        cuts off
 ``SpentLinkError``    ``link_lost``        cuts off, and the process ends
-anything else         ``internal``         cuts off; it is a defect of the driver
-====================  ===================  ====================================
+anything else         ``internal``         brakes, but cuts off if ``write`` raised
+====================  ===================  =========================================
+
+Anything else is a defect of the driver.  So is feedback that is malformed
+(:func:`~orientd.driver.feedback_problem`): the servo uses none of it and brakes, with the same
+fault.
 
 An error of a command (enable, reset, free) fails that command and is no fault.  An error of
 :meth:`Driver.open` ends the process.

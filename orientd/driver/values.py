@@ -6,8 +6,10 @@ a quarter of the time of frozen dataclasses to make.
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, isfinite
 from typing import NamedTuple
+
+from orientd.tolerances import NORM_TOLERANCE
 
 Vector3 = tuple[float, float, float]
 """``(x, y, z)``; the name of the field has its frame and unit."""
@@ -21,6 +23,12 @@ ZERO: Vector3 = (0.0, 0.0, 0.0)
 """Zero velocity, or the origin."""
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 """The orientation of the world itself."""
+
+MOST_JOINTS = 8
+"""Most axes of a device."""
+
+FUTURE_NS = 1_000_000_000
+"""How far in the future a time stamp of another process or device may lie."""
 
 
 class AxisLimits(NamedTuple):
@@ -81,6 +89,42 @@ class Feedback(NamedTuple):
     omega_body: Vector3 = ZERO
     position: Vector3 = ZERO
     joints: tuple[float, ...] = ()
+
+
+def feedback_problem(feedback: object, now_ns: int) -> str:
+    """Return what is wrong with the *feedback* of a driver at *now_ns*, or an empty string.
+
+    It checks types, lengths, that all numbers are finite, the norm of the quaternion and the time.
+    """
+    if not isinstance(feedback, Feedback):
+        return f"expected a Feedback, got {feedback!r:.80}"
+    time_ns, q, omega_body, position, joints = feedback
+    if type(time_ns) is not int or not 0 <= time_ns <= now_ns + FUTURE_NS:
+        return f"expected time_ns up to {now_ns} as an int, got {time_ns!r:.80}"
+    for name, numbers, least, most in (
+        ("q", q, 4, 4),
+        ("omega_body", omega_body, 3, 3),
+        ("position", position, 3, 3),
+        ("joints", joints, 0, MOST_JOINTS),
+    ):
+        if not _are_numbers(numbers, least, most):
+            count = f"{most}" if least else f"at most {most}"
+            return f"expected {name} to be a tuple of {count} finite numbers, got {numbers!r:.80}"
+    if not abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0) <= 2 * NORM_TOLERANCE:
+        return f"expected q to be a unit quaternion, got {q}"
+    return ""
+
+
+def _are_numbers(numbers: object, least: int, most: int) -> bool:
+    """Return whether this is a tuple of *least* to *most* finite numbers."""
+    try:
+        return (
+            isinstance(numbers, tuple)
+            and least <= len(numbers) <= most
+            and all(map(isfinite, numbers))
+        )
+    except (TypeError, OverflowError):
+        return False
 
 
 class AxisGap(NamedTuple):

@@ -35,7 +35,7 @@ class CallTimes:
 
     def __init__(self, driver: Driver, memory: SharedMemory) -> None:
         self._words = memory.pulse
-        self._declared_ns = driver.longest_call * 1e9
+        self._declared_ns = max(1.0, driver.longest_call * 1e9)
         self._excess = 0.0
         self._notices: tuple[str, ...] = ()
 

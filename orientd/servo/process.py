@@ -147,7 +147,10 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     freeze_garbage()
     ready = json.dumps({"scheduling": scheduling, "memory_locked": is_locked})
     memory.notes.publish(*pack_note(0, NoteKind.READY, 0, ready))
-    servo.reports.publish_notices()
+    try:
+        servo.reports.publish_notices()
+    except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+        servo.take_fault(error)
     try:
         timer = DeadlineTimer(settings.spin_ns)
         run_cycles(
@@ -198,7 +201,7 @@ def run_cycles(
         shift_ns = 0
         if device is not None:
             try:
-                shift_ns = device.deadline_shift_ns(deadline)
+                shift_ns = int(device.deadline_shift_ns(deadline))
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 servo.take_fault(error)
         deadline += period_ns + max(-most_ns, min(most_ns, shift_ns))

@@ -23,11 +23,13 @@ from orientd.driver import (
     Resettable,
     RestsInFault,
     Setpoint,
+    feedback_problem,
     tune,
 )
 from orientd.errors import (
     AxisFaultError,
     DeviceError,
+    DeviceFaultError,
     Fault,
     NotYetError,
     SpentLinkError,
@@ -160,7 +162,7 @@ class Servo:
         # Few calls: with cold caches, a call costs as much as a quaternion product.
         begun_ns = self._clock.now_ns()
         try:
-            self._feedback = self._driver.read() or self._feedback
+            self._take_feedback(self._driver.read())
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             self.take_fault(error)
         self.reports.note_call(LONGEST_READ_WORD, self._clock.now_ns() - begun_ns)
@@ -183,7 +185,7 @@ class Servo:
                 setpoint = tuple.__new__(Setpoint, (deadline_ns, *point[:6]))
                 self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-                self.take_fault(error)
+                self.take_fault(error, is_of_write=True)
                 is_written = False
             self.reports.note_call(LONGEST_WRITE_WORD, self._clock.now_ns() - begun_ns)
         if before is _STREAMING and self.setpoints.state is _HOLDING:
@@ -237,7 +239,10 @@ class Servo:
                 driver.park()
             except Exception as error:  # noqa: BLE001 - the process ends at any exception
                 self.ending += f"; park failed: {error}"
-        driver.close()
+        try:
+            driver.close()
+        except Exception as error:  # noqa: BLE001 - the process ends at any exception
+            self.ending += f"; close failed: {error}"
 
     def report(self) -> dict[str, object]:
         """Return the text that the process writes down when it ends."""
@@ -268,11 +273,31 @@ class Servo:
 
     # The device
 
-    def take_fault(self, error: Exception) -> None:
-        """Turn an exception of the driver into a fault: at once, or after a stop on the path."""
+    def _take_feedback(self, feedback: Feedback | None) -> None:
+        """Use *feedback* from here on, or brake if it is malformed: the setpoints are still right.
+
+        Everything that reads the feedback afterwards relies on this check.
+        """
+        if feedback is None or feedback is self._feedback:
+            return
+        problem = feedback_problem(feedback, self._clock.now_ns())
+        if problem:
+            text = f"the driver's feedback is malformed: {problem}"
+            self.setpoints.brake(Fault.INTERNAL, text)
+        else:
+            self._feedback = feedback
+
+    def take_fault(self, error: Exception, *, is_of_write: bool = False) -> None:
+        """Turn an exception of the driver into a fault: at once, or after a stop on the path.
+
+        After a defect the servo can still brake, unless the exception *is_of_write*.
+        """
         fault = fault_of(error)
         text = f"{type(error).__name__}: {error}" if fault is Fault.INTERNAL else str(error)
-        if isinstance(error, DeviceError) and error.brakes:
+        brakes = not is_of_write
+        if isinstance(error, DeviceError) and fault is not Fault.INTERNAL:
+            brakes = error.brakes
+        if brakes:
             self.setpoints.brake(fault, text)
         else:
             self._fail(fault, text)
@@ -393,11 +418,18 @@ class Servo:
         following = advance(self.setpoints.state, Command.ENABLE)
         if self._is_enabled:
             return
-        feedback = self._driver.enable()
-        self._feedback = feedback
         driver = self._driver
-        mechanism = driver.mechanism(may_ask=False) if isinstance(driver, Mechanical) else None
-        self.setpoints.anchor(feedback, mechanism)
+        feedback = driver.enable()
+        try:
+            problem = feedback_problem(feedback, self._clock.now_ns())
+            if problem:
+                raise DeviceFaultError(f"the driver's feedback is malformed: {problem}")
+            mechanism = driver.mechanism(may_ask=False) if isinstance(driver, Mechanical) else None
+            self.setpoints.anchor(feedback, mechanism)
+        except Exception:
+            driver.disable()
+            raise
+        self._feedback = feedback
         self._enabled_ns = self._clock.now_ns()
         self._is_enabled = True
         self.setpoints.state = following
@@ -419,10 +451,15 @@ class Servo:
         if self._is_enabled and setpoints.fault is Fault.NONE:
             problem = watchdog.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
             if problem:
-                driver = self._driver
-                reason = driver.why_stale() if isinstance(driver, Explaining) else ""
-                text = f"{problem}; {reason}" if reason else problem
-                setpoints.brake(Fault.FEEDBACK_STALE, text)
+                setpoints.brake(Fault.FEEDBACK_STALE, problem + self._why_stale())
+
+    def _why_stale(self) -> str:
+        """Return the driver's reason for late feedback, as an addition to the fault's text."""
+        try:
+            reason = self._driver.why_stale() if isinstance(self._driver, Explaining) else ""
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            return f"; why_stale failed: {type(error).__name__}: {error}"
+        return f"; {reason}" if reason else ""
 
     def _fail(self, fault: Fault, text: str) -> None:
         """Enter *fault* now; the servo writes nothing more to the device."""

@@ -299,7 +299,7 @@ class SetpointGenerator:
         """Return the next setpoint of a motion, or of a stop on its path."""
         scaling, follower, share = self.time_scaling, self.follower, 1.0
         if self.state is _STREAMING:
-            speed = self._speed * (self._scaled.speed_scaling if self._scaled else 1.0)
+            speed = self._speed * self._share_of_device()
             if self._is_waiting:
                 # The last setpoints of the previous motion must be over, for differences over
                 # cycles too.
@@ -350,6 +350,20 @@ class SetpointGenerator:
             combine(path.velocity, rate, path.velocity, 0.0),
             path.joints,
         )
+
+    def _share_of_device(self) -> float:
+        """Return how fast the device lets motions run, 0 to 1; brake if the driver cannot say."""
+        if self._scaled is None:
+            return 1.0
+        try:
+            share = self._scaled.speed_scaling
+            if 0.0 <= share <= 1.0:
+                return share
+            problem = f"expected 0 to 1, got {share!r:.80}"
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            problem = f"{type(error).__name__}: {error}"
+        self.brake(Fault.INTERNAL, f"the driver's speed_scaling is wrong: {problem}")
+        return 0.0
 
     def _share_run(self, deadline_ns: int) -> float:
         """Return the share of the current cycle for which a waiting motion runs.
@@ -435,7 +449,10 @@ class SetpointGenerator:
         """
         last = self.last
         if self._following is not None and self._mechanism is not None and last.joints:
-            q = self._mechanism.forward(last.joints)[0]
+            try:
+                q = self._mechanism.forward(last.joints)[0]
+            except Exception:  # noqa: BLE001 - a driver's defect must not keep it from the fault
+                return
             self._guard.q, self.last = q, last._replace(q=q)
 
     def _finish(self) -> None:

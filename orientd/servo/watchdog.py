@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-FUTURE_NS = 1_000_000_000
-"""How far in the future a heartbeat may be dated; a later one is forged."""
+from orientd.driver import FUTURE_NS
 
 SHORTEST_NS = 50_000_000
 """A device's own control smooths shorter gaps between cycles."""

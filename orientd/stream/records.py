@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from orientd.driver import Quaternion, Vector3
+from orientd.driver import MOST_JOINTS, Quaternion, Vector3
 
 
 class ServoState(IntEnum):
@@ -70,7 +70,7 @@ class Answer(IntEnum):
     """The speed is changing."""
 
 
-JOINTS = 8
+JOINTS = MOST_JOINTS
 """Axes of a device for which a path record and a cycle record have space."""
 NO_JOINTS = (math.nan,) * JOINTS
 
@@ -334,7 +334,7 @@ def pack_note(
     command: int, kind: NoteKind, code: int, text: str
 ) -> tuple[int, int, int, int, bytes]:
     """Return the fields of a note record after its index; a long text is cut."""
-    encoded = text.encode()[:NOTE_TEXT_BYTES]
+    encoded = text.encode(errors="replace")[:NOTE_TEXT_BYTES]
     return command, kind, code, len(encoded), encoded
 
 

@@ -284,6 +284,7 @@ DISABLES = "test_disabling_leaves_it_standing"
 SHIFTS = "test_it_shifts_deadlines_by_half_a_period_at_most"
 RESTS = "test_it_rests_in_a_fault_whatever_it_is_sent"
 FOLLOWS = "test_it_follows_a_slow_turn"
+ASKED = "test_what_it_is_asked_in_a_cycle_never_raises"
 FREES = "test_it_can_be_let_go_and_enabled_again"
 POSES = "test_its_mechanism_poses_the_tool_as_it_reports"
 BAD = []
@@ -475,6 +476,50 @@ class FeedbackIsNaN(GoodDriver):
 class FeedbackIsNoUnit(GoodDriver):
     def report(self):
         return super().report()._replace(q=tuple(1.001 * part for part in self.device.q))
+
+
+@bad(IS_POSE)
+class FeedbackIsNoFeedback(GoodDriver):
+    def read(self):
+        return tuple(super().read())
+
+
+@bad(IS_POSE)
+class FeedbackHasAFloatAsItsTime(GoodDriver):
+    def report(self):
+        return super().report()._replace(time_ns=float(self.clock.now_ns()))
+
+
+@bad(IS_POSE)
+class FeedbackLacksAnAxis(GoodDriver):
+    def report(self):
+        return super().report()._replace(omega_body=(0.0, 0.0))
+
+
+@bad(ASKED)
+class CannotSayWhyBeforeTheFirstRead(GoodDriver):
+    newest = None
+
+    def read(self):
+        self.newest = super().read()
+        return self.newest
+
+    def why_stale(self):
+        return f"since {self.newest.time_ns}"
+
+
+@bad(ASKED)
+class CannotSayWhyWithoutItsDevice(GoodDriver):
+    def why_stale(self):
+        self.require()
+        return ""
+
+
+@bad(ASKED)
+class KnowsNoGapsBeforeItIsEnabled(GoodDriver):
+    def gaps(self):
+        assert self.asked
+        return super().gaps()
 
 
 @bad(IS_POSE)

@@ -1,6 +1,7 @@
 """Deadlines: a period apart, or nearly, for a device with a cycle of its own; in virtual time."""
 
 import itertools
+import math
 
 import pytest
 from rig import PERIOD_NS, Rig
@@ -37,9 +38,14 @@ def test_deadline_moves_by_what_the_driver_asks_and_little_at_a_time(monkeypatch
     assert steps == {PERIOD_NS + max(-most, min(most, asked))}
 
 
-def test_a_driver_that_cannot_say_its_deadline_is_in_a_fault_and_the_servo_goes_on(monkeypatch):
+@pytest.mark.parametrize("wrong", [KeyError("tried"), None, "late", math.nan, math.inf])
+def test_a_driver_that_cannot_say_its_deadline_is_in_a_fault_and_the_servo_goes_on(
+    monkeypatch, wrong
+):
     def fail(_deadline_ns):
-        raise KeyError("tried")
+        if isinstance(wrong, Exception):
+            raise wrong
+        return wrong
 
     monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: 10**9)
     servo = Rig().servo

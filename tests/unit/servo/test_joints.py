@@ -326,3 +326,30 @@ def test_a_motion_begins_where_the_last_setpoint_of_the_one_before_it_was():
     rig.run_until(lambda servo: not servo.is_moving)
     assert rig.cycle.fault == Fault.NONE
     assert rig.cycle.sent_joints == pytest.approx(joints[-1, :2])
+
+
+def test_a_mechanism_that_raises_in_motion_ends_in_a_fault_and_not_in_motion():
+    class Failing(Gimbal):
+        fails = False
+
+        def forward(self, joints):
+            if self.fails:
+                raise KeyError("tried")
+            return super().forward(joints)
+
+    class Device(JointLoopback):
+        made = Failing(JointLoopback.axes, order="ZY", is_pointing=True)
+
+        def mechanism(self, *, may_ask):
+            return self.made
+
+    rig = JointRig(Device)
+    rig.start(PATH)
+    rig.run(400)
+    Device.made.fails = True
+    rig.ask(Command.HALT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    assert rig.servo.setpoints.fault is Fault.INTERNAL
+    written = len(rig.driver.setpoints)
+    rig.run(20)
+    assert len(rig.driver.setpoints) == written
