@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -90,8 +91,8 @@ class DevicePlanner:
             rates: planned axis velocities there, rad/s, if it moves.
             motion_id: identifier of the motion; by default a new random one.
             is_offline: whether not to ask the device anything.
-            unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
-                default now.
+            unix_ns: Unix time at the beginning of the motion, ns; required if a keep-out cone
+                moves.
 
         Raises:
             RequestError: its method or the device does not allow the request.
@@ -128,7 +129,9 @@ class DevicePlanner:
         cones = (*self._keep_out, *request.keep_out)
         return Cones.of(cones, unix_ns) if cones else None
 
-    def plan_offline(self, request: MotionRequest, *, from_device: bool = False) -> Motion:
+    def plan_offline(
+        self, request: MotionRequest, *, from_device: bool = False, unix_ns: int | None = None
+    ) -> Motion:
         """Plan a motion without a daemon, from rest.
 
         A motion with a lead-in begins at the pose of the device, if that is known.  Otherwise a
@@ -137,12 +140,15 @@ class DevicePlanner:
         Args:
             request: the requested motion.
             from_device: whether to ask the device for its pose; otherwise its options give it.
+            unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
+                default the time of this call.
 
         Raises:
             RequestError: its method or the device does not allow the request.
             PlanError: it cannot be planned, or the driver cannot ask its device for the pose.
             LinkError: the device does not answer.
         """
+        unix_ns = time.time_ns() if unix_ns is None else unix_ns
         stands: Feedback | None = None
         if isinstance(self._examiner, Locatable):
             stands = self._examiner.offline_start(from_device=from_device)
@@ -164,7 +170,9 @@ class DevicePlanner:
             here = State.at_rest(request.keys[0], position)
         # If the axis angles are unknown, the mechanism chooses.
         joints = stands.joints if stands is not None else ()
-        return self.plan(request, start=here, joints=joints, is_offline=not from_device)
+        return self.plan(
+            request, start=here, joints=joints, is_offline=not from_device, unix_ns=unix_ns
+        )
 
     def _mechanism(self, *, may_ask: bool) -> Mechanism | None:
         """Return the device's mechanism, or ``None`` if its driver has none.
@@ -197,8 +205,8 @@ class DevicePlanner:
             tolerance: largest distance from the corner between them, rad.
             earliest: the first record of *first* at which the blend may leave it.
             motion_id: identifier of the motion; by default a new random one.
-            unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
-                default now.
+            unix_ns: Unix time at the beginning of the motion, ns; required if a keep-out cone
+                moves.
 
         Returns:
             The record of *first* at which to leave it, and the motion from there on.

@@ -67,14 +67,15 @@ def plan_offline(
     limits: Limits | Mapping[str, Rate] | None = None,
     period: float = 0.002,
     start: State | None = None,
+    unix_ns: int | None = None,
     **fields: Any,  # noqa: ANN401 - the arguments of a request
 ) -> Motion:
     """Return the motion through keyframes, certified as for a device.
 
     Args:
         keys: SciPy ``Rotation``; list of ``Rotation``, ``Quaternion`` or mappings as in a motion
-            file; or a :class:`.MotionRequest`.  With a request give only *limits*, *period* and
-            *start*.
+            file; or a :class:`.MotionRequest`.  With a request give only *limits*, *period*,
+            *start* and *unix_ns*.
         times: time of each keyframe, s; ``None`` passes them as fast as the limits permit.
         positions: of the tool, m, shape ``(n, 3)``.
         turns: whole turns in each interval, shape ``(n - 1,)``.
@@ -82,6 +83,8 @@ def plan_offline(
             these.
         period: of the device, s.
         start: state of the device; by default at rest at the first keyframe.
+        unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
+            default the time of this call.
         fields: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
             ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``pace``,
             ``options``, ``frame``, ``frames``.
@@ -91,6 +94,7 @@ def plan_offline(
         PlanError: the motion cannot be planned, or would break a limit.
         TypeError: a field is given together with a request.
     """
+    unix_ns = time.time_ns() if unix_ns is None else unix_ns
     if isinstance(keys, MotionRequest):
         columns = {"times": times, "positions": positions, "turns": turns}
         beside = [*fields, *(name for name, column in columns.items() if column is not None)]
@@ -110,7 +114,7 @@ def plan_offline(
         start = State.at_rest(request.keys[0], request.keyframes[0].position or (0.0, 0.0, 0.0))
     if not isinstance(limits, Limits):
         limits = DEFAULT_LIMITS.with_rates(limits or {})
-    return plan(request, start=start, limits=limits, period=period)
+    return plan(request, start=start, limits=limits, period=period, unix_ns=unix_ns)
 
 
 def plan_many(
@@ -121,6 +125,7 @@ def plan_many(
     backend: Backend = "loky",
     jobs: int = -1,
     address: str | None = None,
+    unix_ns: int | None = None,
 ) -> Iterator[Motion | OrientdError]:
     """Yield the motion of each request in order, or the error of a refused one.
 
@@ -131,24 +136,26 @@ def plan_many(
         backend: distributes the work; see :func:`in_parallel`.
         jobs: number of parallel workers; -1 for one on each core.
         address: of a Ray or Dask cluster; by default one starts on this machine.
+        unix_ns: as in :func:`plan_offline`, for all motions.
 
     Raises:
         OrientdError: the backend is not installed.
     """
+    unix_ns = time.time_ns() if unix_ns is None else unix_ns
     waiting = iter(requests)
     parts = iter(lambda: list(itertools.islice(waiting, _TOGETHER)), [])
-    work = partial(_plan, limits=limits, period=period)
+    work = partial(_plan, limits=limits, period=period, unix_ns=unix_ns)
     for planned in in_parallel(work, parts, backend=backend, jobs=jobs, address=address):
         yield from planned
 
 
 def _plan(
-    requests: list[MotionRequest], *, limits: Limits, period: float
+    requests: list[MotionRequest], *, limits: Limits, period: float, unix_ns: int
 ) -> list[Motion | OrientdError]:
     found: list[Motion | OrientdError] = []
     for request in requests:
         try:
-            found.append(plan_offline(request, limits=limits, period=period))
+            found.append(plan_offline(request, limits=limits, period=period, unix_ns=unix_ns))
         except OrientdError as error:
             found.append(error)
     return found

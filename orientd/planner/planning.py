@@ -98,8 +98,7 @@ def plan(
         limits: the device's.
         period: the device's cycle, s.
         motion_id: identifier of the motion; by default a new random one.
-        unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
-            default now.
+        unix_ns: Unix time at the beginning of the motion, ns; required if a keep-out cone moves.
 
     Raises:
         RequestError: its method or the device does not allow the request.

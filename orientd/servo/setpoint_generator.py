@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import dist
 
 from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled, Vector3
 from orientd.errors import DeviceFaultError, Fault, NotYetError
@@ -37,6 +38,7 @@ _MOVING = (_STREAMING, _STOPPING, _TRACKING)
 _NO_FAULT = Fault.NONE
 
 _START_TOLERANCE = 1e-9
+_POSITION_TOLERANCE = 1e-6  # m; the daemon's for a plan that was made earlier
 _STILL = 1e-6  # rad/s
 _BY_POSES = 0.99
 """Share of the axes' acceleration that a quick stop uses if the device takes poses.
@@ -202,6 +204,9 @@ class SetpointGenerator:
         gap = norm(difference(self.last.q, first.q))
         if not gap <= _START_TOLERANCE:
             return f"the path begins {gap:.3g} rad from the commanded orientation"
+        gap = dist(self.last.position, first.position)
+        if not gap <= _POSITION_TOLERANCE:
+            return f"the path begins {gap:.3g} m from the commanded position"
         if self._takes_joints:
             gap = joint_gap(self.last.joints, first.joints)
             if not gap <= _JOINT_TOLERANCE:

@@ -204,7 +204,9 @@ class Retargeting:
             end = (await self._tail(last, last.last_record))[-MOTION_RECORD.size :]
             joints = last.facts.last_joints or cycle.sent_joints or cycle.joints
             start = _at_rest(end, joints)
-        return await self._planners.plan(PlanInput(self._name, call.motion, start), call)
+        return await self._planners.plan(
+            PlanInput(self._name, call.motion, start, call.unix_ns), call
+        )
 
     def check_start(self, motion: PlannedMotion) -> None:
         """Refuse a kept plan unless it begins where the device, at rest, is commanded to be.
@@ -245,6 +247,7 @@ class Retargeting:
                 self._name,
                 call.motion,
                 tail,
+                call.unix_ns,
                 after=left.facts,
                 tolerance=queued.options.blend,
                 earliest=leave.record,
@@ -255,7 +258,7 @@ class Retargeting:
             chosen, leave, motion = await self._take_over(queued, call, kind, late, leave)
         if motion is None:
             await self._await_stop(call)
-            plan_input = PlanInput(self._name, call.motion, self._held())
+            plan_input = PlanInput(self._name, call.motion, self._held(), call.unix_ns)
             motion = await self._planners.plan(plan_input, call)
         await motion.arrive(self._queue.needed(motion.facts))
         queued.planned, queued.begins = motion, leave
@@ -338,7 +341,8 @@ class Retargeting:
             leave, left = now, self._left(now)
         else:
             # Stop only if the motion can be planned from rest near there.
-            plan_input = PlanInput(self._name, call.motion, _at_rest(left.read(leave.record, 1)))
+            start = _at_rest(left.read(leave.record, 1))
+            plan_input = PlanInput(self._name, call.motion, start, call.unix_ns)
             await self._planners.plan(plan_input, call)
         cycle = self._servo.newest()
         if cycle is not None and cycle.state is ServoState.STREAMING:
@@ -348,7 +352,7 @@ class Retargeting:
 
     async def _plan_from(self, call: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
         """Plan a motion that takes over from another one at a record of that."""
-        plan_input = PlanInput(self._name, call.motion, left.start_at(record))
+        plan_input = PlanInput(self._name, call.motion, left.start_at(record), call.unix_ns)
         return await self._planners.plan(plan_input, call, rank=Rank.URGENT)
 
     def _first_ahead(self, leave: SplicePoint, found: dict[int, PlannedMotion]) -> int:

@@ -59,6 +59,7 @@ class PlanCall:
         timeout: longest planning time, s, including waits for a planner and repeated plans.
         rate_hz: samples a second to report with the plan; 0 for none.
         began: when that time began, monotonic s.
+        unix_ns: Unix time of the request, ns, for keep-out cones that move.
         waits: s, each that the device was waited for; see :meth:`waiting`.
     """
 
@@ -67,6 +68,7 @@ class PlanCall:
     timeout: float = 10.0
     rate_hz: float = 0.0
     began: float = field(default_factory=time.monotonic)
+    unix_ns: int = field(default_factory=time.time_ns)
     waits: list[float] = field(default_factory=list)
 
     @contextlib.contextmanager
@@ -96,23 +98,23 @@ class PlanInput:
     Attributes:
         device: what is to move.
         motion: a serialised ``orientd.v1.MotionRequest``.
+        unix_ns: Unix time of the request, ns, for keep-out cones that move.
         motion_id: names the motion, and no other.
         records: where the motion begins.  From rest: one record.  From a running motion: the record
             at which to leave it and the three before.  After a motion: the end of that motion.
         after: the motion to follow; ``None`` if it begins at the last of *records*.
         tolerance: how far from the corner between the two the device may pass, rad.
         earliest: the record of *after* before which that cannot be left any more.
-        unix_ns: Unix time of the request, ns, for keep-out cones that move.
     """
 
     device: str
     motion: bytes
     records: bytes
+    unix_ns: int
     motion_id: str = field(default_factory=lambda: os.urandom(6).hex())
     after: MotionFacts | None = None
     tolerance: float = 0.0
     earliest: int = 0
-    unix_ns: int = field(default_factory=time.time_ns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

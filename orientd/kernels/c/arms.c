@@ -15,6 +15,8 @@
  * change of this size the error is a thousand times smaller. */
 enum { ROUNDS = 25 };
 #define SETTLED 1e-10
+/* Rad and m, within which the flange is at its pose. */
+#define REACHED 1e-9
 
 typedef struct { vec_t x, y, z; } frame_axes_t;
 typedef struct { quat_t q; vec_t p; } place_t;
@@ -165,7 +167,16 @@ static place_t goal_of(row_t arm, place_t pose, const double *joints) {
     return (place_t){multiplied(turn, there.q), plus(pose.p, turned(turn, minus(there.p, here.p)))};
 }
 
-/* Improve joints of the published arm to those of this one; false if the pose is out of reach. */
+/* How far some joints leave the flange from a pose, the larger one of rad and m. */
+static double residual_of(row_t arm, place_t pose, const double *joints) {
+    place_t here = flange_at(own(arm), joints);
+    quat_t turn = multiplied(conjugated(pose.q), here.q);
+    double angle = 2.0 * sqrt(turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
+    vec_t gap = minus(here.p, pose.p);
+    return larger(angle, sqrt(dot(gap, gap)));
+}
+
+/* Improve joints of the published arm to those of this one; false if they do not reach the pose. */
 static bool settle(row_t arm, const links_t *links, place_t pose, double *joints) {
     for (int round = 0; is_calibrated(arm) && round < ROUNDS; round++) {
         place_t goal = goal_of(arm, pose, joints);
@@ -177,7 +188,7 @@ static bool settle(row_t arm, const links_t *links, place_t pose, double *joints
         if (step < SETTLED)
             break;
     }
-    return true;
+    return !is_calibrated(arm) || residual_of(arm, pose, joints) <= REACHED;
 }
 
 /* The flange that carries a tool at a pose. */

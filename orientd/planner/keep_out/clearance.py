@@ -16,7 +16,6 @@ their mean.  The direction of a cone may move, which adds to *V*.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -50,8 +49,15 @@ class Cones:
 
     @classmethod
     def of(cls, cones: Sequence[KeepOut], unix_ns: int | None) -> Cones:
-        """Return the cones of a motion that begins at a Unix time in ns, by default now."""
-        return cls(cones, time.time_ns() if unix_ns is None else unix_ns)
+        """Return the cones of a motion that begins at a Unix time, ns.
+
+        Raises:
+            ValueError: a cone moves, and no time is given.  The planner has no clock of its own:
+                a request that is planned again gives the same motion.
+        """
+        if unix_ns is None and any(isinstance(cone.direction, Sun) for cone in cones):
+            raise ValueError("expected unix_ns, the time of the motion: a keep-out cone moves")
+        return cls(cones, unix_ns or 0)
 
     def later(self, seconds: float) -> Cones:
         """Return the cones of a motion that begins later."""

@@ -44,7 +44,7 @@ def planners():
 @pytest.fixture(scope="module")
 def first(planners):
     order = to(AIM)
-    job = PlanInput("arm", order.motion, record_at_rest(HERE, ZERO, ()))
+    job = PlanInput("arm", order.motion, record_at_rest(HERE, ZERO, ()), order.unix_ns)
     return asyncio.run(planners.plan(job, order))
 
 
@@ -93,7 +93,7 @@ def test_a_motion_that_cannot_begin_where_a_device_gains_speed_begins_a_little_l
     leave = SplicePoint(1, RISING)
     records, order = first.start_at(RISING), to(OTHER, limits=GENTLE)
     with pytest.raises(LimitError, match="in the lead-in") as refused:
-        asyncio.run(planners.plan(PlanInput("arm", order.motion, records), order))
+        asyncio.run(planners.plan(PlanInput("arm", order.motion, records, order.unix_ns), order))
     assert refused.value.is_in_lead_in
     later, motion, chosen, _ = successor(planners, first, order, leave)
     assert later.record == RISING + round(0.15 / PERIOD)
@@ -171,3 +171,17 @@ def test_a_motion_that_takes_seconds_to_plan_is_in_time_at_last():
     horizon = learnt(3.0)
     assert horizon.ahead(KIND) < 1.0
     assert max(horizon.ahead(KIND, [0.25] * late) for late in range(6)) > 3.0
+
+
+def test_every_attempt_to_plan_one_request_is_for_the_same_time(planners, first, monkeypatch):
+    times, whole = [], planners.plan
+
+    async def plan(plan_input, call, **options):
+        times.append(plan_input.unix_ns)
+        return await whole(plan_input, call, **options)
+
+    monkeypatch.setattr(planners, "plan", plan)
+    order = to(OTHER, limits=GENTLE)
+    successor(planners, first, order, SplicePoint(1, RISING))
+    assert len(times) > 1
+    assert set(times) == {order.unix_ns}

@@ -9,6 +9,7 @@ from pathlib import Path
 import mpmath
 import pytest
 
+from orientd.floats import difference, norm
 from orientd.rotation import convert
 from orientd_ur.arm import MODELS
 from orientd_ur.kinematics import Kinematics, Table
@@ -102,3 +103,32 @@ def test_calibrated_arm_is_solved_as_exactly():
             every = kinematics.solutions(kinematics.forward(q))
             assert all(off(kinematics.forward(one), expected) < 1e-11 for one in every)
             assert len(every) >= 2
+
+
+def test_joints_that_do_not_reach_the_pose_are_no_solution():
+    a, d = table("ur10e")
+    generator = random.Random(7)
+    reached = 0
+    for size in (1e-3, 3e-2, 0.1, 0.3):
+        own = Table(
+            theta=tuple(generator.uniform(-size, size) for _ in range(6)),
+            a=tuple(x + generator.uniform(-size, size) for x in a),
+            d=tuple(x + generator.uniform(-size, size) for x in d),
+            alpha=tuple(t * math.pi + generator.uniform(-size, size) for t in TWISTS),
+        )
+        kinematics = Kinematics(MODELS["ur10e"].links, own)
+        for q in postures(25, seed=2):
+            pose = kinematics.forward(q)
+            for joints in kinematics.solutions(pose):
+                reached += 1
+                assert apart(kinematics.forward(joints), pose) < 2e-9
+            joints = kinematics.inverse(pose, q)
+            if joints is not None:
+                assert apart(kinematics.forward(joints), pose) < 2e-9
+    assert reached > 200
+
+
+def apart(pose, other):
+    """Return how far two poses are apart, the larger one of rad and m."""
+    (q, position), (q1, position1) = pose, other
+    return max(norm(difference(q, q1)), math.dist(position, position1))

@@ -8,7 +8,15 @@ import pytest
 from orientd import load_motion
 from orientd.errors import PlanError
 from orientd.keep_out import KeepOut
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.planner import (
+    DEFAULT_LIMITS,
+    Keyframe,
+    MotionRequest,
+    State,
+    plan,
+    plan_many,
+)
+from orientd.planner.offline import plan_offline
 from orientd.rotation import rotate
 from orientd.sun import Sun
 
@@ -170,6 +178,19 @@ def test_the_sun_is_kept_out_of_where_it_is_at_that_time():
         plan(request, **given, unix_ns=noon)
     later = plan(request, **given, unix_ns=noon + 4 * 3_600_000_000_000)
     assert clearance(later, "sun") > 30.0
+
+
+def test_a_plan_around_the_sun_depends_on_the_time_of_the_request_and_no_clock():
+    sun = KeepOut("sun", Sun(48.0, 11.0), math.radians(10.0))
+    request = MotionRequest([toward(80.0)], keep_out=(sun,))
+    with pytest.raises(ValueError, match=r"expected unix_ns, the time of the motion"):
+        plan(request, start=START, limits=DEFAULT_LIMITS, period=PERIOD)
+    fixed = MotionRequest([toward(0.0), toward(80.0)], keep_out=(sun,))
+    one, other = (plan_offline(fixed, unix_ns=10**18) for _ in range(2))
+    assert one.certificate == other.certificate
+    assert np.array_equal(one.records(0, 100), other.records(0, 100), equal_nan=True)
+    several = list(plan_many([fixed, fixed], jobs=1, unix_ns=10**18))
+    assert [motion.certificate for motion in several] == [one.certificate] * 2
 
 
 def test_a_plan_around_is_the_same_to_the_last_bit():

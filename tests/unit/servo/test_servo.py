@@ -416,3 +416,15 @@ def test_options_do_not_change_under_a_motion(rig):
     answer, text = tune(rig, {})
     assert answer is Answer.WRONG_STATE
     assert "tune is not possible while streaming" in text
+
+
+def test_a_path_that_begins_at_another_position_is_refused():
+    rig = Rig()
+    path = turn()
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+    first = rig.lay(*path, position=np.full((len(path[0]), 3), 1e-3))
+    answer, text = rig.ask(Command.START, path_index=first)
+    assert answer is Answer.REFUSED
+    assert text == "the path begins 0.00173 m from the commanded position"
+    rig.run(5)
+    assert rig.servo.state is ServoState.HOLDING

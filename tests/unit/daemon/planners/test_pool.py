@@ -46,7 +46,7 @@ def endless(timeout, caller=""):
 
 
 def job(content=SMALL, name="arm"):
-    return PlanInput(name, content, HERE)
+    return PlanInput(name, content, HERE, 0)
 
 
 def run(test, *, processes=1, timeout=60.0):
