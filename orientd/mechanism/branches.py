@@ -1,12 +1,14 @@
 """Choose branches and whole turns by dynamic programming over the whole path.
 
-The candidates at each sample are both branches with every whole turn within the limits.  An axis
-can turn only so far from sample to sample.  A passage near the pole leads from its first sample to
-its last in one step.  Anything else is a slew, which costs more than any detour.
+The candidates at each sample are both branches with the whole turns within the limits, except turns
+that a nearer one covers.  An axis can turn only so far from sample to sample.  A passage near the
+pole leads from its first sample to its last in one step.  Anything else is a slew, which costs more
+than any detour.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import product
 from typing import Any, NamedTuple
@@ -28,7 +30,8 @@ SAME = 1e-3
 _SLEW_COST = 1e3
 """Cost of a second during which the path stands still."""
 _ERROR_COST = 20.0
-_CHUNK = 1000
+_TURN = 2.0 * math.pi
+_PAIRS = 1_000_000  # pairs of candidates at a time, to bound memory
 _MATCH = 1e-5
 
 
@@ -51,7 +54,7 @@ class Choice(NamedTuple):
 def candidates(
     principal: Floats, axes: Sequence[AxisLimits], start: Floats | None = None
 ) -> Floats:
-    """Return all axis angles within the limits for each orientation.
+    """Return the axis angles within the limits for each orientation, without needless turns.
 
     Args:
         principal: both branches in (-pi, pi], shape ``(n, 2, axes)``.
@@ -61,16 +64,16 @@ def candidates(
     Returns:
         Angles in rad, shape ``(n, count, axes)``, padded with NaN.
     """
+    low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in axes]).T
+    begun = np.clip(np.zeros(len(axes)) if start is None else start, low, high)
+    line = _followed(principal, begun)
+    nearest = np.round((line[:, None] - principal) / _TURN)
     options = []
-    # An axis may have hundreds of turns: keep only turns that the path could reach from the start.
-    steps = np.abs(wrapped(np.diff(principal, axis=0)))
-    reach = np.max(np.sum(steps, axis=0), axis=0, initial=0.0) + 4 * np.pi
-    for place, axis in enumerate(axes):
-        begun = min(max(0.0 if start is None else start[place], axis.low), axis.high)
-        low, high = max(axis.low, begun - reach[place]), min(axis.high, begun + reach[place])
-        first, last = np.floor((low - np.pi) / (2 * np.pi)), np.ceil((high + np.pi) / (2 * np.pi))
-        shifted = principal[..., place, None] + 2 * np.pi * np.arange(first, last + 1)
-        inside = (shifted >= low - EDGE) & (shifted <= high + EDGE)
+    for place in range(len(axes)):
+        least, most = _turns(line[:, place], float(low[place]), float(high[place]))
+        turns = nearest[..., place, None] + np.arange(least, most + 1)
+        shifted = principal[..., place, None] + _TURN * turns
+        inside = (shifted >= low[place]) & (shifted <= high[place])
         options.append(np.where(inside, shifted, np.nan)[..., np.any(inside, axis=(0, 1))])
     rows = [
         np.stack([options[axis][:, branch, pick] for axis, pick in enumerate(picks)], axis=-1)
@@ -86,6 +89,32 @@ def candidates(
     order = np.argsort(~valid, axis=1, kind="stable")
     most = max(1, int(np.max(np.sum(valid, axis=1))))
     return np.take_along_axis(every, order[..., None], axis=1)[:, :most]
+
+
+def _followed(principal: Floats, begun: Floats) -> Floats:
+    """Return the axis angles that follow the path without a jump, beginning near *begun*."""
+    gaps = np.max(np.abs(wrapped(principal[1:, None] - principal[:-1, :, None])), axis=-1)
+    swaps = gaps[:, 0, 1] + gaps[:, 1, 0] < gaps[:, 0, 0] + gaps[:, 1, 1]
+    first = int(np.argmin(np.sum(np.abs(wrapped(principal[0] - begun)), axis=-1)))
+    branch = (first + np.concatenate([[0], np.cumsum(swaps)])) % 2
+    line = np.unwrap(principal[np.arange(len(principal)), branch], axis=0)
+    found: Floats = line + _TURN * np.round((begun - line[0]) / _TURN)
+    return found
+
+
+def _turns(line: Floats, low: float, high: float) -> tuple[int, int]:
+    """Return the least and the most turns from *line* that an axis needs within its limits.
+
+    Once the whole line is within the limits, turns beyond it lead nowhere that the line does not.
+    One more on either side leaves the choice of which way to turn.
+    """
+    least, most = float(np.min(line)), float(np.max(line))
+    first, last = math.ceil((low - least) / _TURN), math.floor((high - most) / _TURN)
+    if first > last:
+        # No turn has the whole line within the limits: all that have a part of it.
+        return math.floor((low - most) / _TURN), math.ceil((high - least) / _TURN)
+    whole = min(max(0, first), last)
+    return min(0, whole) - 1, max(0, whole) + 1
 
 
 def continued(principal: Floats, bounds: Bounds, start: Floats) -> Choice:
@@ -144,8 +173,9 @@ def choose(
     for passage in passages:
         by_last.setdefault(passage.last, []).append(passage)
     columns = np.arange(count)
-    for begin in range(1, length, _CHUNK):
-        end = min(length, begin + _CHUNK)
+    together = max(1, _PAIRS // count**2)
+    for begin in range(1, length, together):
+        end = min(length, begin + together)
         gaps = np.abs(every[begin:end, :, None, :] - every[begin - 1 : end - 1, None, :, :])
         travel = np.sum(gaps, axis=-1)
         too_far = np.any(gaps > bounds.longest_step, axis=-1)
