@@ -28,6 +28,9 @@ LONGEST_CHUNK = 60.0
 MOST_METRES = 1000.0
 """Largest component of a position of a chunk, m."""
 
+MOST_RATE = 1000.0
+"""Largest component of an angular velocity of a chunk, rad/s."""
+
 LEAST_SPACING_NS = 500_000
 """Poses of a chunk that are nearer in time than this are of the same instant."""
 
@@ -107,8 +110,8 @@ class Poses(NamedTuple):
 def poses_from_message(message: pb.TrackChunk, now_ns: int) -> Poses:
     """Return the poses of a chunk that arrived at *now_ns*, in order.
 
-    A pose that is not finite, or not of unit norm, is skipped.  Of poses of one instant the last
-    one counts.
+    A pose that is not finite, not of unit norm, or out of range is skipped.  Of several poses for
+    one instant, the last one counts.
 
     Raises:
         RequestError: the columns do not fit, the times are out of range, or no pose is left.
@@ -136,7 +139,7 @@ def poses_from_message(message: pb.TrackChunk, now_ns: int) -> Poses:
             position = (a, b, c)
         if omegas:
             a, b, c = omegas[k]
-            if not math.isfinite(a + b + c):
+            if not max(abs(a), abs(b), abs(c)) <= MOST_RATE or a + b + c != a + b + c:
                 continue
             omega = rotate_back((w, x, y, z), (a, b, c)) if is_world else (a, b, c)
         by_time[time_ns] = Sample(time_ns, (w, x, y, z), omega, position)

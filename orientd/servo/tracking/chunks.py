@@ -110,7 +110,7 @@ def write_distance(ring: RecordRing, behind: float, lag: float) -> None:
     """Write how far the setpoints are behind the poses: an angle, rad, and a delay, s."""
     ring.words[BEHIND_WORD] = size = round(1e9 * behind)
     ring.words[FARTHEST_WORD] = max(ring.words[FARTHEST_WORD], size)
-    ring.words[LAG_WORD] = round(1e9 * max(lag, 0.0))
+    ring.words[LAG_WORD] = round(1e9 * lag)
 
 
 def clear_report(ring: RecordRing) -> None:

@@ -42,6 +42,12 @@ CATCHING_UP = 0.01
 REMEMBERED = 1.0
 """How long a gap to the reference counts for the lag, s."""
 
+STANDING = 0.01
+"""Angular velocity of the reference up to which a gap to it is no lag, rad/s: noise of poses."""
+
+LONGEST_LAG = 60.0
+"""Largest lag that is reported, s: no pose of a chunk is farther ahead."""
+
 _LOOKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where a seam is held against the limits."""
 
@@ -101,7 +107,7 @@ class Preview:
             pose.
         least_left_ns: least time that was left of a chunk when the next one came.
         starved: how many chunks came after the poses had run out.
-        lag: delay of the setpoints that fits the last second best, s.
+        lag: delay of the setpoints that fits the last second best, s; 0 if the poses stand still.
     """
 
     def __init__(
@@ -334,9 +340,12 @@ class Preview:
     def note_gap(self, gap: Vector3, omega: Vector3) -> None:
         """Note the rotation vector from a setpoint to the reference, and the velocity of that."""
         kept = 1.0 - self._period / REMEMBERED
+        if norm(omega) <= STANDING:
+            omega = ZERO
         self._slipped = kept * self._slipped + dot(gap, omega)
         self._swept = kept * self._swept + dot(omega, omega)
-        self.lag = self._slipped / self._swept if self._swept > 0.0 else 0.0
+        lag = self._slipped / self._swept if self._swept > 0.0 else 0.0
+        self.lag = min(max(lag, 0.0), LONGEST_LAG)
 
     def _motion_at(self, time_ns: int) -> Motion:
         """Return the curve at an instant, with differences to the two periods before it."""

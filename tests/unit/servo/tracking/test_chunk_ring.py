@@ -160,3 +160,24 @@ def test_no_chunk_however_wild_breaks_a_limit():
     found = reached([s.q for s in setpoints], [s.position for s in setpoints], PERIOD)
     assert all(size <= 1.001 * getattr(LIMITS, name) for name, size in found.items())
     assert not rig.notes(NoteKind.FAULT)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-9, 1e-6, 1e-5])
+@pytest.mark.parametrize("goal", [(0.5, 0.7, -0.6), (0.0, 0.0, 0.3), (-1.5, 0.4, 2.0)])
+def test_poses_that_stand_still_leave_no_lag(goal, noise):
+    rig, chance, lags = playing(), random.Random(5), []
+    for _ in range(4):
+        chunk(
+            rig,
+            rig.clock.now_ns() - NS // 10,
+            count=16,
+            motion=lambda t: (exp(tuple(x + noise * chance.gauss(0, 1) for x in goal)), ZERO),
+        )
+        for _ in range(100):
+            rig.run()
+            lags.append(read_report(rig.memory.chunks).lag)
+    rig.run(1500)
+    assert max(lags) < 1.0
+    assert rig.servo.state is ServoState.TRACKING
+    assert not rig.notes(NoteKind.FAULT)
+    assert norm(difference(rig.driver.setpoints[-1].q, exp(goal))) < 1e-3
