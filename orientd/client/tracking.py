@@ -5,6 +5,9 @@ from __future__ import annotations
 import queue
 import sys
 import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
 import grpc
@@ -18,6 +21,39 @@ from orientd.protocol import control_pb2 as pb
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+
+_SPACING = 0.001
+"""Least time between two targets for their arrival, s: more of them would wait on the way."""
+
+
+def paced(outgoing: queue.SimpleQueue[pb.TrackRequest | None]) -> Iterator[pb.TrackRequest]:
+    """Yield messages as they come, up to ``None``.
+
+    Of the targets without a time that come within :data:`_SPACING`, only the newest is sent.  They
+    count from their arrival, so one that had waited would be wrong.
+    """
+    message, due = outgoing.get(), 0.0
+    while message is not None:
+        left = due - time.monotonic()
+        if not _is_for_arrival(message):
+            yield message
+            message = outgoing.get()
+        elif left <= 0.0:
+            yield message
+            due = time.monotonic() + _SPACING
+            message = outgoing.get()
+        else:
+            with suppress(queue.Empty):
+                following = outgoing.get(timeout=left)
+                if following is None or not _is_for_arrival(following):
+                    yield message
+                message = following
+
+
+def _is_for_arrival(request: pb.TrackRequest) -> bool:
+    """Return whether this is a target without a time."""
+    return request.WhichOneof("what") == "target" and not request.target.time_ns
 
 
 class Tracking(Pointing):
@@ -36,8 +72,7 @@ class Tracking(Pointing):
         super().__init__(connection, begin.device)
         self._outgoing: queue.SimpleQueue[pb.TrackRequest | None] = queue.SimpleQueue()
         self._outgoing.put(pb.TrackRequest(start=begin))
-        outgoing = iter(self._outgoing.get, None)
-        self._stream = connection.call(connection.stub.Track, outgoing)
+        self._stream = connection.call(connection.stub.Track, paced(self._outgoing))
         self._error: OrientdError | None = None
         self._ended = threading.Event()
         try:
@@ -70,6 +105,8 @@ class Tracking(Pointing):
         position: ArrayLike | None = None,
     ) -> None:
         """Send a target; returns at once.
+
+        If targets without *time_ns* come faster than one a millisecond, only the newest is sent.
 
         Args:
             target: a ``Rotation`` of SciPy, a :class:`~orientd.Quaternion`, or a mapping with an

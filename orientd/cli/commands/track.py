@@ -58,7 +58,7 @@ def track(
     report.refusal = report.refusal or lines.last
     out.answer(
         report,
-        f"{report.targets} targets followed, {report.left_out} of them left out as late, "
+        f"{report.targets} targets followed, {report.left_out} of them late or replaced, "
         f"{report.refused} refused",
         f"at rest at {orientation(to_quaternion(report.q))}",
         *([f"held at the keep-out cone {report.held_at!r}"] if report.held_at else []),

@@ -19,6 +19,7 @@ late, as networks make them, lies between its neighbours and is inserted.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import deque
 from math import dist, inf
 
@@ -40,6 +41,13 @@ LOOKAHEAD_NS = 10_000_000_000
 
 CAPACITY = 10_000
 """Most waiting targets: one per millisecond."""
+
+FILTERED_AT_ONCE = 16
+"""Most targets that are filtered in a cycle, the earliest ones first.
+
+A late target changes all after it.  It is more than arrive in a cycle, so those whose time has come
+are always filtered.
+"""
 
 AGREEING = 5e-3
 """How much longer the path through a late target may be than between its neighbours, rad or m."""
@@ -152,7 +160,7 @@ class Reference:
 
     def clear(self) -> None:
         """Forget every target."""
-        # Targets from this index on have arrived since the last call, or follow one that has.
+        # Targets from this index on are to be filtered: they have arrived, or follow one that has.
         self._unfiltered = 0
         self._targets: deque[FilteredTarget] = deque()
         self._arrivals = Arrivals(self._period_ns)
@@ -175,8 +183,7 @@ class Reference:
         target = target._replace(q=normalize(target.q))
         place = len(targets)
         if newest_ns is not None and time_ns <= newest_ns:
-            while place and targets[place - 1].target.time_ns >= time_ns:
-                place -= 1
+            place = bisect_left(targets, time_ns, key=_time_of)
             if time_ns > now_ns - 2.0 * self._period_ns:
                 self._make_way(target, place, newest_ns)
             elif not self._has_room(time_ns, place, now_ns):
@@ -214,10 +221,11 @@ class Reference:
     def at(self, now_ns: int) -> ReferenceState | None:
         """Return the motion at *now_ns*, or ``None`` without a live target."""
         targets = self._targets
-        for k in range(self._unfiltered, len(targets)):
+        count, end = len(targets), min(len(targets), self._unfiltered + FILTERED_AT_ONCE)
+        for k in range(self._unfiltered, end):
             targets[k] = filtered(targets[k - 1] if k else None, targets[k].target)
         motion = self._read(now_ns)
-        self._unfiltered = len(targets)
+        self._unfiltered = max(0, end - (count - len(targets)))
         return motion
 
     def position_at(self, now_ns: int) -> tuple[Vector3, Vector3] | None:
@@ -246,10 +254,8 @@ class Reference:
         left_ns = newest.target.time_ns - now_ns
         if left_ns <= 0:
             return None
-        if newest.turning is None:
-            is_end = newest.omega == ZERO
-        else:
-            is_end = self._arrivals.have_ceased(now_ns)
+        omega = newest.target.omega_body
+        is_end = self._arrivals.have_ceased(now_ns) if omega is None else omega == ZERO
         return (newest.target, left_ns * 1e-9) if is_end else None
 
     def conclude(self) -> None:
@@ -281,7 +287,8 @@ class Reference:
             targets.popleft()
         newest = targets[-1]
         stale_ns = now_ns - newest.target.time_ns
-        if newest.turning is not None and stale_ns >= 0 and self._arrivals.have_ceased(now_ns):
+        is_open = newest.target.omega_body is None
+        if is_open and stale_ns >= 0 and self._arrivals.have_ceased(now_ns):
             return self._at_rest(newest)
         delay_ns = self._delay_by(stale_ns)
         while (
@@ -330,6 +337,10 @@ class Reference:
         lead = 0.0 if self.is_disturbed else (ahead + SETTLING) / period
         q = normalize(multiply(past.q, exp(turn)))
         return ReferenceState(q, omega, past.alpha, plus(ZERO, change, lead))
+
+
+def _time_of(filtered_target: FilteredTarget) -> int:
+    return filtered_target.target.time_ns
 
 
 def _problem_of(target: Target, now_ns: int) -> str:

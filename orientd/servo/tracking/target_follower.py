@@ -41,6 +41,13 @@ from orientd.stream import RecordRing, ServoLimits
 TARGETS_PER_CYCLE = 8
 """Targets accepted in one cycle; the others wait."""
 
+TARGETS_READ = 20_000
+"""Targets read in a second.  If they come faster than one a cycle, the servo skips those that a
+newer one replaces within a period: otherwise the device would follow targets ever older."""
+
+_MOST_COUNTED = 2**63
+"""Largest count, which fits the word for it even if the ring is damaged."""
+
 AHEAD_NS = 500_000_000
 """How long before its first pose a chunk is taken; until then the poses before it count."""
 
@@ -92,6 +99,9 @@ class TargetFollower:
         self._next, self._next_chunk = ring.head, chunks.head
         self._waiting: Chunk | None = None
         self._left_out = 0
+        self._taken_ns = 0
+        self._period_ns = round(guard.period * 1e9)
+        self._most_read = max(TARGETS_PER_CYCLE, round(TARGETS_READ * guard.period))
         self._landing: Target | None = None
         self._linear = self._soft_linear = linear_limits_of(NO_LIMITS, guard.period)
 
@@ -209,20 +219,43 @@ class TargetFollower:
         head = ring.head
         if self._next == head:
             return
-        self._next = ring.oldest(self._next)
-        for index in range(self._next, min(head, self._next + TARGETS_PER_CYCLE)):
+        first = end = ring.oldest(self._next)
+        arrived = []
+        for index in range(first, min(head, first + self._most_read)):
             fields = ring.read(index)
             if fields is None and head - index < ring.capacity:
-                return  # still being written
-            self._next = index + 1
+                break  # still being written
+            end = index + 1
             if fields is not None:
                 _, time_ns, expires_ns, w, x, y, z, *more = fields
                 omega, position = _given(more[:3]), _given(more[3:])
-                target = Target((w, x, y, z), omega, time_ns, expires_ns, position)
-                if not self.tracker.take(target, now_ns):
-                    continue
-            self._left_out += 1
+                arrived.append((index, Target((w, x, y, z), omega, time_ns, expires_ns, position)))
+        kept = self._apart(arrived)
+        if len(kept) > TARGETS_PER_CYCLE:
+            end = kept[TARGETS_PER_CYCLE][0]
+        left_out = end - self._next
+        for _, target in kept[:TARGETS_PER_CYCLE]:
+            self._taken_ns = target.time_ns
+            left_out -= not self.tracker.take(target, now_ns)
+        self._next = end
+        if left_out:
+            self._left_out = min(self._left_out + left_out, _MOST_COUNTED)
             ring.words[LEFT_OUT_WORD] = self._left_out
+
+    def _apart(self, arrived: Sequence[tuple[int, Target]]) -> list[tuple[int, Target]]:
+        """Return the newest of the targets that arrived, and those a period before one another."""
+        kept: list[tuple[int, Target]] = []
+        period_ns = self._period_ns
+        for index, target in reversed(arrived):
+            time_ns = target.time_ns
+            if kept and (
+                0 <= kept[-1][1].time_ns - time_ns < period_ns
+                or 0 <= time_ns - self._taken_ns < period_ns
+            ):
+                continue
+            kept.append((index, target))
+        kept.reverse()
+        return kept
 
     def _take_chunks(self, now_ns: int) -> None:
         """Take one arrived chunk a cycle; one whose poses are far ahead waits for its time."""
