@@ -135,7 +135,7 @@ $(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot]"
 	@touch $@
 
-# Installs extras in the versions of tests/constraints.txt, or in the newest allowed ones if those cannot be had.
+# Installs extras in the versions of tests/constraints.txt, or in the newest allowed ones if one of them is missing.
 define install
 @echo "installing orientd with what it needs [$(1)]: some minutes"
 @$(BIN)/python -m pip install --quiet --disable-pip-version-check -c tests/constraints.txt -e ".[$(1)]" || { \
