@@ -115,6 +115,12 @@ class Foresight:
         if first is not None and joints is not None:
             self._note(joints, first)
 
+    def rest(self, sent: Pose) -> None:
+        """Record that the axes have come to rest at the last setpoint, *sent*."""
+        self._take(sent)
+        if self._joints is not None:
+            self._note(self._joints, self._joints)
+
     def look(self, sent: Pose, coming: ComingStop) -> str:
         """Return why the axes cannot follow the next setpoint, or an empty string.
 

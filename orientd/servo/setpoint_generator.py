@@ -395,7 +395,7 @@ class SetpointGenerator:
                 f"{self._stall_ns * 1e-9:g} s are allowed in motion",
             )
         elif self.state is _TRACKING:
-            self.pursuit.tracker.rest(guard.q)
+            self.pursuit.rest()
 
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint towards a target, or of a stop off the path."""

@@ -130,6 +130,13 @@ class TargetFollower:
         self._waiting = None
         self.hindrance = ""
 
+    def rest(self) -> None:
+        """Continue from rest at the last written setpoint."""
+        guard = self._guard
+        self.tracker.rest(guard.q)
+        if self.foresight is not None:
+            self.foresight.rest((guard.q, guard.position))
+
     def end(self) -> None:
         """Stop following."""
         self.is_on, self.hindrance = False, ""

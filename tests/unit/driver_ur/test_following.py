@@ -53,6 +53,18 @@ def test_the_way_past_a_singularity_breaks_limits_where_nobody_looks(way):
         rig.check()
 
 
+def test_targets_are_followed_on_after_a_stall_of_the_servo():
+    rig = ArmRig("ur5e", HOME)
+    at = turning(rig.q, (0.0, 0.0, 1.0), 2.0, 0.4)
+    rig.follow(at, seconds=0.15)
+    assert norm(rig.servo.setpoints.last.omega_body) > 0.5
+    rig.clock.advance(60_000_000)
+    rig.follow(lambda _: at(1.0), seconds=2.0)
+    assert not rig.hindrances
+    assert norm(difference(rig.servo.setpoints.last.q, at(1.0))) < 1e-3
+    assert rig.servo.state is ServoState.TRACKING
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_wrist_that_is_to_pass_its_singularity_is_held_before_it(way):
     rig = ArmRig("ur5e", HOME)
