@@ -32,8 +32,8 @@ _NEAR = math.radians(15.0)
 """Largest angle from which a device at rest joins a path without a planned motion."""
 _ZENITH = 5.0
 """Degrees from the zenith within which it does not show whether a device has tipped over."""
-_THERE = 1e-3
-"""Largest angle at which a direction is reached, rad."""
+_THERE = 1e-6
+"""Largest angle at which a direction is reached, rad: a stop may end shortly before it."""
 _TURN = (60.0, 120.0)
 """Angles of a turn at a constant rate, degrees."""
 _STILL = 1e-6
