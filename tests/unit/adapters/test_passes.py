@@ -1,6 +1,8 @@
 """When the pass of a known target is planned once more."""
 
+import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -57,3 +59,69 @@ def asked_twice(error, rise):
 )
 def test_a_plan_that_took_too_long_is_tried_again_before_the_rise_only(error, rise, count):
     assert asked_twice(error, rise) == count
+
+
+class Planning(Refusing):
+    """A device whose daemon plans for as long as it is told to."""
+
+    def __init__(self, *gates):
+        super().__init__(None)
+        self.gates, self.planning, self.stops, self.cancelled = gates, 0, 0, 0
+        self.on_begin = lambda: None
+
+    def plan(self, request, *, device):
+        gate = self.gates[self.asked]
+        self.asked += 1
+        self.planning += 1
+        gate.wait()
+        self.planning -= 1
+        return SimpleNamespace(start_time=0.0, certificate=SimpleNamespace(losses=()))
+
+    def begin(self, plan, begin):
+        self.on_begin()
+        return self
+
+    def cancel(self):
+        self.cancelled += 1
+
+    def stop(self, name):
+        self.stops += 1
+        for gate in self.gates:
+            gate.set()
+
+
+def passes_of(served):
+    rise = time.time() + 400.0
+
+    def at(times):
+        height = 0.01 * (np.asarray(times) - rise)
+        return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
+
+    return Passes(served, [Target("one", at)], north=0.0, notify=lambda _: None)
+
+
+def test_a_pass_that_is_left_while_the_daemon_takes_its_motion_does_not_begin():
+    gate = threading.Event()
+    gate.set()
+    served = Planning(gate)
+    passes = passes_of(served)
+    served.on_begin = passes.leave
+    assert passes.takes(POINT)
+    passes._planning.join()
+    assert served.cancelled == 1
+
+
+def test_the_end_waits_for_every_plan_that_is_made():
+    """A pass that was left is still planned when the next one is asked for."""
+    first, second = threading.Event(), threading.Event()
+    served = Planning(first, second)
+    passes = passes_of(served)
+    assert passes.takes(POINT)
+    before = passes._planning
+    passes.leave()
+    assert passes.takes(POINT)
+    first.set()
+    before.join()
+    passes.close()
+    assert served.stops
+    assert served.planning == 0
