@@ -190,11 +190,11 @@ def run_cycles(
         lateness = woken - deadline
         if lateness > SHORTEST_NS:
             skipped = lateness // period_ns
-            servo.missed += skipped
+            servo.count_late(missed=skipped)
             deadline += skipped * period_ns
             lateness = woken - deadline
         if lateness > overrun_ns:
-            servo.overruns += 1
+            servo.count_late(overruns=1)
         servo.cycle(deadline, lateness)
         done = time.monotonic_ns()
         servo.work_ns = done - woken
@@ -207,7 +207,7 @@ def run_cycles(
         deadline += period_ns + max(-most_ns, min(most_ns, shift_ns))
         if done > deadline:
             skipped = (done - deadline) // period_ns + 1
-            servo.missed += skipped
+            servo.count_late(missed=skipped)
             deadline += skipped * period_ns
 
 

@@ -68,6 +68,9 @@ _FEEDBACK, _WRITTEN, _FROM_REST, _ARRIVING = map(int, CycleFlag)
 
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 
+MOST_COUNTED = 2**32 - 1
+"""Largest count of overruns or missed deadlines that a cycle record has space for."""
+
 PARENT_CHECK = 8
 """Cycles between two checks whether the daemon lives, which take a system call."""
 
@@ -193,6 +196,11 @@ class Servo:
         if self._arrival.is_awaited:
             self._await_arrival()
         self._publish(deadline_ns, lateness_ns, point, is_written=is_written)
+
+    def count_late(self, *, overruns: int = 0, missed: int = 0) -> None:
+        """Count cycles that began late, and deadlines that were skipped."""
+        self.overruns = min(self.overruns + overruns, MOST_COUNTED)
+        self.missed = min(self.missed + missed, MOST_COUNTED)
 
     def _await_arrival(self) -> None:
         """Check whether the axes have reached the end of the motion, and fault if they do not."""

@@ -160,7 +160,7 @@ class Reference:
 
     def clear(self) -> None:
         """Forget every target."""
-        # Targets from this index on are to be filtered: they have arrived, or follow one that has.
+        # Targets from this index on are unfiltered: they have arrived, or follow one that has.
         self._unfiltered = 0
         self._targets: deque[FilteredTarget] = deque()
         self._arrivals = Arrivals(self._period_ns)

@@ -77,3 +77,11 @@ def test_deadline_that_moves_is_no_deadline_missed():
     rig.driver.read = lambda: None
     rig.run(round(rig.feedback_ns / PERIOD_NS) + 3)
     assert rig.servo.state is ServoState.FAULT
+
+
+def test_counts_of_late_cycles_stay_within_the_record():
+    rig = Rig()
+    rig.servo.count_late(overruns=2**32 - 2, missed=2**40)
+    rig.servo.count_late(overruns=3)
+    cycle = rig.run()
+    assert (cycle.overruns, cycle.missed) == (2**32 - 1, 2**32 - 1)
