@@ -72,7 +72,8 @@ class Worker:
             request = MotionRequest([Keyframe(one) for one in q])
             # Not every device can do that; what it loads is loaded.
             with contextlib.suppress(OrientdError, ValueError):
-                planner.plan(request, start=State.at_rest(q[0]), joints=(), is_offline=True)
+                start = State.at_rest(q[0])
+                planner.plan(request, start=start, joints=(), is_offline=True, unix_ns=0)
 
     def plan(self, task: Task, file: RecordFile) -> Planned:
         """Plan a motion and write records of it to *file*, the first of a whole chunk at most.

@@ -17,7 +17,7 @@ from orientd.daemon.planners.pool import MOST_WAITING
 from orientd.daemon.planners.task import CHUNK, FIRST
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
-from orientd.planner import MOTION_RECORD, Keyframe, MotionRequest
+from orientd.planner import MOTION_RECORD, DevicePlanner, Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import from_request
 from orientd.rotation import exp
@@ -302,3 +302,17 @@ def test_a_motion_of_several_chunks_is_fed_to_its_end_and_again():
     assert len(first) == found.facts.record_count * MOTION_RECORD.size
     assert found.at_hand[0] > CHUNK  # what is far behind was forgotten
     assert fed(found.again()) == first
+
+
+def test_a_planner_warms_up_for_a_device_that_avoids_the_sun(monkeypatch):
+    sun = {"name": "sun", "sun": {"latitude": 48.0, "longitude": 11.0}, "half_angle_deg": 1.0}
+    devices = {"devices": {"arm": {"driver": "loopback", "keep_out": [sun]}}}
+    made, whole = [], DevicePlanner.plan
+
+    def plan(planner, *arguments, **options):
+        made.append(whole(planner, *arguments, **options))
+        return made[-1]
+
+    monkeypatch.setattr(DevicePlanner, "plan", plan)
+    DirectPlanners(config.parse(devices, source="test").devices.values()).worker.warm_up()
+    assert len(made) == 1
