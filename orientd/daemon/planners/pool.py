@@ -88,7 +88,7 @@ class Planners:
         self._work: set[asyncio.Task[None]] = set()
         self._server: ForkServer | None = None
         self._start_problem = ""
-        self._has_methods = asyncio.Event()
+        self._has_methods, self._has_tried = asyncio.Event(), asyncio.Event()
         self._methods = b""
         self._is_closing = False
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -154,6 +154,21 @@ class Planners:
         except TimeoutError:
             raise DeadlineError(f"no planner has started within {self.timeout:g} s") from None
         return self._methods
+
+    async def started(self) -> str:
+        """Wait until there is a planner, or one could not be started; return why there is none."""
+        await self._has_tried.wait()
+        return "" if self._has_methods.is_set() else self._missing
+
+    async def can_plan(self) -> None:
+        """Wait until there has been a planner."""
+        await self._has_methods.wait()
+
+    @property
+    def _missing(self) -> str:
+        """Why there is no planner."""
+        problem = self._start_problem
+        return f"no planner can be started: {problem}" if problem else "no planner has started yet"
 
     async def records(self, motion: PlannedMotion, first: int) -> bytes:
         """Return the records of a motion from one on to its end."""
@@ -248,9 +263,7 @@ class Planners:
             if turn.done() and not turn.cancelled() and turn.exception() is None:
                 self._release(turn.result())  # the turn came after the request had given up
             if isinstance(error, TimeoutError):
-                why = "the planners are busy"
-                if self._start_problem and not self._planners:
-                    why = f"no planner can be started: {self._start_problem}"
+                why = "the planners are busy" if self._planners else self._missing
                 raise DeadlineError(
                     f"planning did not begin within {call.timeout:g} s: {why}"
                 ) from None
@@ -306,6 +319,12 @@ class Planners:
             self._serve_waiting()  # another planner may be the last now
             self._spawn(self._start(planner.number))
 
+    def _note_end(self, planner: PlannerProcess) -> None:
+        """Replace an idle planner that has ended; a busy one fails its request, which does it."""
+        if self._idle.get(planner.number) is planner:
+            del self._idle[planner.number]
+            self._discard(planner, "it ended")
+
     # Life
 
     async def _start_all(self) -> None:
@@ -320,6 +339,7 @@ class Planners:
                 planner = await server.fork(number, _NICE.get(number, _NICEST))
             except DaemonError as error:
                 self._start_problem = str(error)
+                self._has_tried.set()
                 _log.error("a planner did not start: %s", error)
                 if server is self._server:
                     self._end_server()
@@ -327,7 +347,9 @@ class Planners:
                 continue
             self._start_problem, self._methods = "", server.methods
             self._has_methods.set()
+            self._has_tried.set()
             self._planners[number] = planner
+            planner.watch(self._note_end)
             self._release(planner)
             return
 

@@ -11,7 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from orientd.config import DeviceSettings
@@ -164,6 +164,16 @@ class PlannerProcess:
             raise DaemonError(f"the planner process {self.pid} ended") from error
         return rest
 
+    def watch(self, ended: Callable[[PlannerProcess], object]) -> None:
+        """Call *ended* with it once the process has ended by itself, whatever it does then."""
+        loop = asyncio.get_running_loop()
+
+        def tell() -> None:
+            loop.remove_reader(self._handle)
+            ended(self)
+
+        loop.add_reader(self._handle, tell)
+
     def kill(self) -> None:
         """End it at once; a call that waits for its answer fails."""
         if self._handle >= 0:
@@ -175,6 +185,7 @@ class PlannerProcess:
         self.kill()
         self._writer.close()
         if self._handle >= 0:
+            asyncio.get_running_loop().remove_reader(self._handle)
             os.close(self._handle)
         self._handle = -1
 

@@ -316,3 +316,33 @@ def test_a_planner_warms_up_for_a_device_that_avoids_the_sun(monkeypatch):
     monkeypatch.setattr(DevicePlanner, "plan", plan)
     DirectPlanners(config.parse(devices, source="test").devices.values()).worker.warm_up()
     assert len(made) == 1
+
+
+def test_an_idle_planner_that_dies_is_replaced_before_anybody_asks():
+    async def test(planners):
+        (before,) = pids(planners)
+        os.kill(before, signal.SIGKILL)
+        while pids(planners) in ([before], []):
+            await asyncio.sleep(0.01)
+        assert (await planners.plan(job(), quick())).facts.record_count > 1
+
+    run(test)
+
+
+def test_the_planners_have_started_once_there_is_one_or_there_is_a_reason_why_not(
+    monkeypatch, tmp_path
+):
+    async def main():
+        planners = Planners([SETTINGS], processes=1, timeout=60.0)
+        planners.start()
+        try:
+            return await planners.started(), pids(planners)
+        finally:
+            await planners.close()
+
+    missing, started = asyncio.run(main())
+    assert (missing, len(started)) == ("", 1)
+    monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
+    missing, started = asyncio.run(main())
+    assert missing.startswith("no planner can be started: ")
+    assert not started
