@@ -246,6 +246,18 @@ def chains(graph: Graph) -> Iterator[str]:
             yield f"{package}: a chain of {len(chain)} imports, at most {LONGEST_CHAIN}: {names}"
 
 
+def shared_threads(graph: Graph) -> Iterator[str]:
+    """Yield the places of the daemon that use asyncio's default executor, which everything shares.
+
+    :mod:`orientd.daemon.workers` says which threads there are.
+    """
+    for module in (one for one in graph if is_inside(one, "orientd.daemon")):
+        for node in ast.walk(ast.parse(source(module).read_text(encoding="utf-8"))):
+            name = getattr(node, "attr", getattr(node, "id", ""))
+            if name in ("to_thread", "run_in_executor", "getaddrinfo", "ThreadPoolExecutor"):
+                yield f"{module}, line {node.lineno}: {name} in place of the daemon's own threads"
+
+
 def _is_in(module: str, package: str) -> bool:
     return not is_room(module) and room(module) == package
 
@@ -285,7 +297,7 @@ def main() -> int:
         return 0
     sys.setrecursionlimit(10_000)
     graph = imports()
-    checks = (large, past_fronts, circles, lazy_fronts, chains)
+    checks = (large, past_fronts, circles, lazy_fronts, chains, shared_threads)
     problems = sorted(problem for check in checks for problem in check(graph))
     problems += [*hidden_circles(imports(type_checking=True)), *reaching_behind()]
     for problem in problems:

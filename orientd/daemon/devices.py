@@ -1,7 +1,7 @@
 """The devices of a daemon, with the leases to command them and the plans for them.
 
-Nothing here knows of gRPC.  Every method may be called from any thread.  A command may take as long
-as the device does: call it in a worker thread.
+Nothing here knows of gRPC.  Every method may be called from any thread.  Which threads do what is
+said in :mod:`orientd.daemon.workers`.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable, Collection, Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, TypeVar, TypeVarTuple
+from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import Future, wait
+from typing import TYPE_CHECKING
 
 from orientd.client import check_answered
 from orientd.clock import Clock, MonotonicClock
@@ -25,6 +25,7 @@ from orientd.daemon.planners import (
     Planners,
     default_processes,
 )
+from orientd.daemon.workers import Threads
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
@@ -41,13 +42,8 @@ _log = logging.getLogger(__name__)
 
 _READY_STEP = 0.1
 
-COMMANDERS = 8
-"""Commands under way at the same time; a device may take its time over one."""
-
 MakeDevice = Callable[..., Device]
 OnEvent = Callable[[DeviceEvent, Device], object]
-Result = TypeVar("Result")
-Given = TypeVarTuple("Given")
 
 
 class Devices:
@@ -95,7 +91,6 @@ class Devices:
             processes=settings.planner.processes or default_processes(),
             timeout=settings.planner.plan_timeout,
         )
-        self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         for name, device in settings.devices.items():
             self.by_name[name] = make_device(
                 device,
@@ -113,21 +108,20 @@ class Devices:
         self._flight.on_event(event)
 
     def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
-        """Stop the motions of a lost lease.
+        """Have the motions of a lost lease stopped, and return at once; see :meth:`stopped`.
 
         If the lease has expired, a device released for hand guiding holds again.
         """
         for name in devices:
             device = self.by_name[name]
-            try:
-                device.disown(lease.token, f"the lease of {lease.who} {what}")
-            except OrientdError as error:
-                _log.warning("%s: stop failed: %s", name, error)
-            try:
-                if what == EXPIRED:
-                    device.end_free()
-            except OrientdError as error:
-                _log.warning("lease: cannot end hand guiding of %s: %s", name, error)
+            reason = f"the lease of {lease.who} {what}"
+            device.workers.stops.submit(_disown, device, lease.token, reason)
+            if what == EXPIRED:
+                device.workers.commands.submit(_end_free, device)
+
+    async def stopped(self, names: Iterable[str]) -> None:
+        """Wait until every stop that was asked for before has reached its device."""
+        await asyncio.gather(*[self.by_name[name].workers.stops.run(_nothing) for name in names])
 
     # Life
 
@@ -160,25 +154,25 @@ class Devices:
     def shutdown(self) -> None:
         """Stop every device on its path, let the motions end, and release everything."""
         self.is_closing = True
-        _stop([device for device in self.by_name.values() if not device.failure], GOING_DOWN)
+        living = [device for device in self.by_name.values() if not device.failure]
+        wait(_stop(living, GOING_DOWN).values())
         unfinished = [
             run for device in self.by_name.values() for run in device.unfinished() if run.begun_ns
         ]
         # From a lower speed a stop may take longer than from full speed, but not than this.
         stops = [1.0 / run.motion.facts.brake_rate for run in unfinished if run.planned is not None]
         wait([run.ended for run in unfinished], timeout=max(stops, default=0.0) + 1.0)
-        with ThreadPoolExecutor(len(self.by_name)) as pool:
-            list(pool.map(Device.shutdown, self.by_name.values()))
+        ending = Threads(len(self.by_name), "end")
+        for end in [ending.submit(device.shutdown) for device in self.by_name.values()]:
+            end.result()
+        ending.close()
         self._flight.close()
         self.journal.close()
 
-    def in_worker(self, work: Callable[[*Given], Result], *given: *Given) -> Awaitable[Result]:
-        """Do *work*, which may take as long as a device does, in a thread."""
-        return asyncio.get_running_loop().run_in_executor(self._commanders, work, *given)
-
     def close(self) -> None:
-        """Take on no more work."""
-        self._commanders.shutdown(wait=False, cancel_futures=True)
+        """End the threads of the devices, once their work is done; return at once."""
+        for device in self.by_name.values():
+            device.workers.close()
 
     # Motions
 
@@ -215,10 +209,13 @@ class Devices:
 
     # Commands
 
-    def stop(
+    async def stop(
         self, name: str, caller: str, *, is_quickest: bool = False, motion: int = 0
     ) -> list[Device]:
-        """Stop a device, or all of them if *name* is empty, on its path.  Needs no lease.
+        """Stop a device, or all of them at once if *name* is empty.  Needs no lease.
+
+        A device that does not answer keeps no other one from stopping.  Once it is asked for, the
+        stop takes place, whatever becomes of the caller.
 
         Args:
             name: of the device.
@@ -233,7 +230,11 @@ class Devices:
         devices = [self.device(name)] if name else list(self.by_name.values())
         caller = one_line(caller, 200) or "somebody"
         reason = f"stopped by {caller}"
-        failures = _stop(devices, reason, is_quickest=is_quickest, motion=motion)
+        stops = _stop(devices, reason, is_quickest=is_quickest, motion=motion)
+        await asyncio.wait([asyncio.wrap_future(stop) for stop in stops.values()])
+        failures = {
+            name: error for name, stop in stops.items() if (error := stop.result()) is not None
+        }
         silent = {name: str(e) for name, e in failures.items() if isinstance(e, DaemonError)}
         taken = [device.name for device in devices if device.name not in failures]
         check_answered("halt" if is_quickest else "stop", silent, taken)
@@ -256,10 +257,10 @@ class Devices:
 
 def _stop(
     devices: Iterable[Device], reason: str, *, is_quickest: bool = False, motion: int = 0
-) -> dict[str, OrientdError]:
-    """Stop all *devices* even if one fails, or only their motion *motion*; return the failures."""
-    failures: dict[str, OrientdError] = {}
-    for device in devices:
+) -> dict[str, Future[OrientdError | None]]:
+    """Have all *devices* stopped at once, or their motion *motion*; return what fails, by name."""
+
+    def stop(device: Device) -> OrientdError | None:
         try:
             if not motion:
                 device.stop(reason, is_quickest=is_quickest)
@@ -267,5 +268,25 @@ def _stop(
                 device.abandon(run, reason)
         except OrientdError as error:
             _log.warning("%s: stop failed: %s", device.name, error)
-            failures[device.name] = error
-    return failures
+            return error
+        return None
+
+    return {device.name: device.workers.stops.submit(stop, device) for device in devices}
+
+
+def _disown(device: Device, token: str, reason: str) -> None:
+    try:
+        device.disown(token, reason)
+    except OrientdError as error:
+        _log.warning("%s: stop failed: %s", device.name, error)
+
+
+def _end_free(device: Device) -> None:
+    try:
+        device.end_free()
+    except OrientdError as error:
+        _log.warning("lease: cannot end hand guiding of %s: %s", device.name, error)
+
+
+def _nothing() -> None:
+    """Do nothing, once everything before is done."""

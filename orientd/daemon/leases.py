@@ -52,7 +52,7 @@ EXPIRED = "has expired"
 """Text for a lease that its holder did not renew."""
 
 Lost = Callable[[Lease, Collection[str], str], object]
-"""Is called when a lease is lost: with the lease, its devices, and the reason."""
+"""Is called when a lease is lost: with the lease, its devices, and the reason.  Returns at once."""
 
 
 class Leases:
@@ -167,8 +167,11 @@ class Leases:
             self._leases[lease.token] = lease
             return lease
 
-    def release(self, token: str, owner: str | None = None) -> None:
+    def release(self, token: str, owner: str | None = None) -> Lease:
         """Take the lease of *token*, and of *owner* if one is given, back from its holder.
+
+        Returns:
+            The lease as it was.
 
         Raises:
             LeaseError: there is no such lease.
@@ -178,6 +181,7 @@ class Leases:
             del self._leases[lease.token]
         _log.info("lease: released by %s", lease.who)
         self._lost(lease, lease.devices, "was released")
+        return lease
 
     def expire(self) -> None:
         """Take leases back that have run out."""

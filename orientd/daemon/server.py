@@ -34,6 +34,7 @@ from orientd.daemon.reload import changes
 from orientd.daemon.standard import standard_methods
 from orientd.daemon.stops import StopFolder
 from orientd.daemon.systemd import Watchdog, notify
+from orientd.daemon.workers import Threads
 from orientd.errors import ConfigError, DaemonError, OrientdError
 from orientd.protocol import control_pb2
 
@@ -135,6 +136,7 @@ class _Daemon:
         self._reread, self._on_ready, self._needs_devices = reread, on_ready, needs_devices
         self._socket = socket
         self._stopping = asyncio.Event()
+        self._life, self._reading = Threads(1, "life"), Threads(1, "reload")
         self._status = ServiceStatus()
         access = settings.access
         self._audit = AuditLog(
@@ -189,7 +191,7 @@ class _Daemon:
         try:
             self._telemetry = self._measured(self._settings)
             self._devices.planners.start()
-            await asyncio.to_thread(self._devices.launch)
+            await self._life.run(self._devices.launch)
             self._watchdog.start()
             loop.add_signal_handler(signal.SIGHUP, self._reload)
             if self._fleet is not None:
@@ -202,7 +204,7 @@ class _Daemon:
     async def _end(self) -> None:
         """Bring the devices to rest, then let calls end and close everything."""
         self._status.set(False)
-        await asyncio.to_thread(self._devices.shutdown)
+        await self._life.run(self._devices.shutdown)
         self._service.end_calls()
         if self._fleet is not None:
             await self._fleet.close()
@@ -279,9 +281,11 @@ class _Daemon:
         """Wait for the devices, say that the daemon is ready, and serve until it is to stop."""
         devices = self._devices
         tasks = [asyncio.create_task(_expire_leases(devices))]
-        problems = await asyncio.to_thread(
-            devices.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
-        )
+        is_ready = partial(devices.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set)
+        problems = await self._life.run(is_ready)
+        missing = await self._missing_planners()
+        if missing:
+            problems.append(missing)
         if not self._stopping.is_set():
             if problems and self._needs_devices:
                 raise DaemonError("; ".join(problems))
@@ -297,20 +301,25 @@ class _Daemon:
         for task in tasks:
             task.cancel()
 
+    async def _missing_planners(self) -> str:
+        """Wait until there is a planner, and return why there is none; empty if there is one.
+
+        However long that takes, or the first motion would not begin in time; but not for longer
+        than the daemon is to run.
+        """
+        starting = asyncio.create_task(self._devices.planners.started())
+        stopping = asyncio.create_task(self._stopping.wait())
+        await asyncio.wait((starting, stopping), return_when=asyncio.FIRST_COMPLETED)
+        missing = starting.result() if starting.done() else ""
+        for task in (starting, stopping):
+            task.cancel()
+        return missing
+
     async def _start_again(self) -> None:
-        """Start devices that are not ready, ever more rarely, and say so once all of them are."""
-        devices, pause = self._devices, FIRST_PAUSE
-        waiting = {name for name, device in devices.by_name.items() if not device.wait_ready(0.0)}
-        while waiting:
-            await asyncio.sleep(pause)
-            pause = min(2.0 * pause, LONGEST_PAUSE)
-            for name in sorted(waiting):
-                device = devices.by_name[name]
-                if device.failure:
-                    with contextlib.suppress(OrientdError):
-                        await devices.in_worker(device.reset)
-                if device.wait_ready(0.0):
-                    waiting.discard(name)
+        """Start what is not ready again, and say so once all of it is."""
+        devices = self._devices
+        await asyncio.gather(*map(_start_device_again, devices.by_name.values()))
+        await devices.planners.can_plan()
         self._on_ready(self._service.daemon_report(), [])
 
     def _stop(self, number: int) -> None:
@@ -326,4 +335,15 @@ async def _expire_leases(devices: Devices) -> None:
     while True:
         await asyncio.sleep(_LEASE_CHECKS)
         if devices.leases.has_expired:
-            await asyncio.to_thread(devices.leases.expire)
+            devices.leases.expire()
+
+
+async def _start_device_again(device: Device) -> None:
+    """Start a device until it is ready, ever more rarely."""
+    pause = FIRST_PAUSE
+    while not device.wait_ready(0.0):
+        await asyncio.sleep(pause)
+        pause = min(2.0 * pause, LONGEST_PAUSE)
+        if device.failure:
+            with contextlib.suppress(OrientdError):
+                await device.workers.commands.run(device.reset)

@@ -169,7 +169,8 @@ class Daemon:
         self.service = Service(
             self.devices, keyframes=100, socket=Path("/run/x"), configuration="", began=0.0
         )
-        await asyncio.to_thread(self.devices.launch)
+        life = server.Threads(1, "life")
+        await life.run(self.devices.launch)
         expiring = asyncio.create_task(server._expire_leases(self.devices))
         self._ending = asyncio.Event()
         self.is_serving = True
@@ -177,7 +178,8 @@ class Daemon:
         self.is_serving = False
         self.leave()
         expiring.cancel()
-        await asyncio.to_thread(self.devices.shutdown)
+        await life.run(self.devices.shutdown)
+        life.close()
         self.service.end_calls()
         self.devices.close()
 

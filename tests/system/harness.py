@@ -177,6 +177,11 @@ class DaemonProcess:
     def __exit__(self, *_: object) -> None:
         self.end()
 
+    def import_from(self, folder: Path) -> None:
+        """Let the daemon and its processes import modules of *folder*."""
+        paths = [str(folder), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+        self.environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
+
     def start(self) -> None:
         """Start the daemon and wait until it is ready."""
         self.log = (self.folder / "log").open("ab")

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import errno
-import functools
 import grp
 import itertools
 import os
 import pwd
 import socket
 import struct
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from orientd.config import AccessSettings, Role
+from orientd.daemon.workers import LOOK_UPS
 from orientd.errors import ConfigError
 
 _SO_PEERGROUPS = 59
@@ -153,7 +155,10 @@ class RolePolicy:
         return {"users": list(self._users), "groups": list(self._groups)}
 
     def identify(self, credentials: Credentials) -> Identity | None:
-        """Return the client with these *credentials*; ``None`` if it has no role."""
+        """Return the client with these *credentials*; ``None`` if it has no role.
+
+        This waits for nothing: a user goes by number until :func:`look_up` has found the name.
+        """
         if isinstance(credentials, Process):
             uid = credentials.uid
             roles = [self._groups[gid] for gid in credentials.gids if gid in self._groups]
@@ -183,10 +188,29 @@ def _number(kind: str, name: str, find: Callable[[], int]) -> int:
         raise ConfigError(f"access.{kind}s: there is no {kind} {name!r} on this machine") from error
 
 
-@functools.lru_cache(maxsize=1024)
+_MOST_NAMES = 1024
+_names: dict[int, Future[str]] = {}
+_names_lock = threading.Lock()
+
+
+def look_up(uid: int) -> Future[str]:
+    """Have the name of a user looked up, unless it has been; return at once."""
+    with _names_lock:
+        if uid not in _names:
+            if len(_names) >= _MOST_NAMES:
+                del _names[next(iter(_names))]
+            _names[uid] = LOOK_UPS.submit(_found, uid)
+        return _names[uid]
+
+
 def user_name(uid: int) -> str:
-    """Return the name of a user, looked up once."""
+    """Return the name of a user, or the number as long as no name is known."""
+    name = look_up(uid)
+    return name.result() if name.done() else f"uid {uid}"
+
+
+def _found(uid: int) -> str:
     try:
         return pwd.getpwuid(uid).pw_name
-    except KeyError:
+    except (KeyError, OSError):
         return f"uid {uid}"

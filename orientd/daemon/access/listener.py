@@ -26,9 +26,11 @@ from orientd.daemon.access.identity import (
     ClientCertificate,
     Credentials,
     RolePolicy,
+    look_up,
     peer_process,
 )
 from orientd.daemon.access.tls import peer_certificate, server_context
+from orientd.daemon.workers import LOOK_UP
 from orientd.errors import AccessError, ConfigError, DaemonError
 
 _log = logging.getLogger(__name__)
@@ -234,8 +236,8 @@ class Listener:
 
     async def _from_unix(self, accepted: socket.socket, origin: str) -> None:
         process, loop = peer_process(accepted), asyncio.get_running_loop()
-        # A directory of users may be asked for the name, which may take its time.
-        await asyncio.to_thread(self._tables.policy.identify, process)
+        name = asyncio.wrap_future(look_up(process.uid))
+        await asyncio.wait([name], timeout=LOOK_UP)  # after that the number will do
         connection = self._connection(lambda _: process, origin)
         await loop.connect_accepted_socket(lambda: connection, accepted)
 

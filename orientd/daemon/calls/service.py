@@ -351,7 +351,7 @@ class Service:
             yield lease
         except BaseException:
             with contextlib.suppress(LeaseError):  # lost already
-                await asyncio.shield(self._devices.in_worker(self._leases.release, lease.token))
+                self._leases.release(lease.token)
             raise
         finally:
             renewing.cancel()
@@ -365,7 +365,7 @@ class Service:
     def _abandon(self, device: Device, run: QueuedMotion | None) -> None:
         """Stop a motion whose caller has gone away; return at once."""
         if run is not None and not run.ended.done():
-            self._devices.in_worker(device.abandon, run, GONE)
+            device.workers.stops.submit(device.abandon, run, GONE)
 
     async def Track(
         self, request_iterator: AsyncIterator[pb.TrackRequest], caller: Caller
@@ -382,8 +382,10 @@ class Service:
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
             limits = limits_to_wish(begin.limits)
             self._devices.check(begin.lease_token, device, caller.identity.key)
-            track = partial(device.track, limits, token=begin.lease_token)
-            run = await self._devices.in_worker(track)
+            with device.expecting() as expected:
+                track = partial(device.track, expected, limits, token=begin.lease_token)
+                await device.workers.commands.run(track)
+            run = expected
             following = Following(device)
             reading = asyncio.create_task(read_targets(request_iterator, following))
             ended = asyncio.wrap_future(run.ended)
@@ -393,7 +395,7 @@ class Service:
                 if reading in waiting and reading.done():
                     waiting.discard(reading)
                     text = "the targets have ended"
-                    await self._devices.in_worker(device.abandon, run, text)
+                    await device.workers.stops.run(device.abandon, run, text)
                 now = following.report()
                 if now is not None:
                     yield now
@@ -412,14 +414,14 @@ class Service:
 
     async def Stop(self, request: pb.StopRequest, caller: Caller) -> pb.StopResponse:
         """Stop devices on their paths."""
-        stop = partial(self._devices.stop, motion=request.motion_number)
-        devices = await self._devices.in_worker(stop, request.device, str(caller.identity))
+        who, motion = str(caller.identity), request.motion_number
+        devices = await self._devices.stop(request.device, who, motion=motion)
         return pb.StopResponse(devices=map(report.device_report, devices))
 
     async def Halt(self, request: pb.StopRequest, caller: Caller) -> pb.StopResponse:
         """Stop devices as quickly as the limits allow."""
-        halt = partial(self._devices.stop, is_quickest=True)
-        devices = await self._devices.in_worker(halt, request.device, str(caller.identity))
+        who = str(caller.identity)
+        devices = await self._devices.stop(request.device, who, is_quickest=True)
         return pb.StopResponse(devices=map(report.device_report, devices))
 
     async def Pause(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
@@ -473,7 +475,7 @@ class Service:
         self, device: Device, lease: Lease, what: str, act: Callable[[], object]
     ) -> pb.CommandResponse:
         """Run *act* in a thread, and return the device's state afterwards."""
-        await self._devices.in_worker(act)
+        await device.workers.commands.run(act)
         _log.info("%s: %s by %s", device.name, what, lease.who)
         return pb.CommandResponse(device=report.device_report(device))
 
@@ -490,14 +492,14 @@ class Service:
     async def _acquire(
         self, holder: str, devices: Sequence[str], caller: Caller, *, beside: bool
     ) -> Lease:
-        # In a worker thread: if the previous lease has expired, this first stops its motion.
-        name = caller.identity.name
-        acquire = partial(self._leases.acquire, name=name, devices=devices, beside=beside)
-        return await self._devices.in_worker(acquire, holder, caller.identity.key)
+        who = caller.identity
+        lease = self._leases.acquire(holder, who.key, name=who.name, devices=devices, beside=beside)
+        # If the previous lease has expired, its motion is stopped first.
+        await self._devices.stopped(lease.devices)
+        return lease
 
     async def RenewLease(self, request: pb.RenewLeaseRequest, caller: Caller) -> pb.LeaseResponse:
         """Hold the lease for its full time again."""
-        # At once and not in a worker, which might be busy until the lease has run out.
         lease = self._leases.renew(request.token, caller.identity.key)
         return pb.LeaseResponse(lease=self._lease_message(lease))
 
@@ -505,15 +507,17 @@ class Service:
         self, request: pb.ReleaseLeaseRequest, caller: Caller
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
-        release = self._leases.release
-        await self._devices.in_worker(release, request.token, caller.identity.key)
+        lease = self._leases.release(request.token, caller.identity.key)
+        await self._devices.stopped(lease.devices)
         return pb.ReleaseLeaseResponse()
 
     async def SeizeLease(self, request: pb.SeizeLeaseRequest, caller: Caller) -> pb.LeaseResponse:
         """Take the lease, even if another client holds it."""
         who, devices = caller.identity, self._devices.named(request.devices)
-        seize = partial(self._leases.seize, name=who.name, devices=devices)
-        lease = await self._devices.in_worker(seize, request.holder, who.key, request.reason)
+        lease = self._leases.seize(
+            request.holder, who.key, request.reason, name=who.name, devices=devices
+        )
+        await self._devices.stopped(lease.devices)
         return pb.LeaseResponse(lease=self._lease_message(lease))
 
     def _lease_message(self, lease: Lease) -> pb.Lease:

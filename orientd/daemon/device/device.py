@@ -27,6 +27,7 @@ from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
 from orientd.daemon.device.target_writer import TargetWriter
 from orientd.daemon.leases import Lease, Leases
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
+from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import Explaining, Vector3, make_driver
 from orientd.errors import (
     GOING_DOWN,
@@ -50,6 +51,10 @@ _MEASURE = 0.1
 """How often what runs is measured, s."""
 
 GONE = "its caller has gone away"
+
+_WITHDRAWING = 0.5
+"""How long the end of a motion that waits may itself wait for a command of the device, s."""
+
 _READ_AHEAD = 8.0
 """Path time that the ring holds ahead of the servo, s, and more if a stop takes longer.
 
@@ -88,6 +93,7 @@ class Device:
         keep_out: cones that every motion stays out of.
         targets: hands targets and chunks of poses to the servo while it follows them.
         is_free: whether it was disabled for hand guiding.
+        workers: threads for its commands and its stops.
     """
 
     def __init__(
@@ -122,6 +128,7 @@ class Device:
         self.limits = settings.limits.to_limits()
         self.keep_out = settings.to_keep_out()
         self.is_free = self._was_following = False
+        self.workers = DeviceWorkers(self.name)
         driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
         self._axes = DeviceAxes(driver, self.name)
         self._leases, self._cycle_memory = leases, cycle_memory
@@ -139,7 +146,12 @@ class Device:
             self._servo, self._tell, lead=settings.lead, read_ahead=read_ahead
         )
         self._retargeting = Retargeting(
-            self._servo, self._queue, planners, name=self.name, period=self.period_ns * 1e-9
+            self._servo,
+            self._queue,
+            planners,
+            name=self.name,
+            period=self.period_ns * 1e-9,
+            workers=self.workers,
         )
         self.targets = TargetWriter(self._servo, self._axes)
         self._lock = threading.RLock()
@@ -221,8 +233,9 @@ class Device:
         try:
             yield queued
         except asyncio.CancelledError:
-            # It may be about to begin.
-            asyncio.get_running_loop().run_in_executor(None, self.abandon, queued, GONE)
+            # It may be about to begin: then it does not, or is stopped again.
+            queued.reason = queued.reason or GONE
+            self.workers.stops.submit(self.abandon, queued, GONE)
             raise
         except BaseException:
             self._unfinished.discard(queued)
@@ -263,7 +276,7 @@ class Device:
         """
         self._retargeting.check_start(motion)
         queued.token, queued.planned, queued.planned_ns = token, motion, time.monotonic_ns()
-        await asyncio.to_thread(self._begin, queued)
+        await self.workers.commands.run(self._begin, queued)
 
     def _begin(self, queued: QueuedMotion) -> float:
         """Begin a planned motion, or let it wait for its turn.
@@ -302,6 +315,7 @@ class Device:
 
     def _note_begun(self, queued: QueuedMotion, lease: Lease | None, text: str) -> None:
         """Report that a motion has begun; stop it if a client stopped the device meanwhile."""
+        self._unfinished.add(queued)  # its caller may have gone away, and it was no longer awaited
         queued.begun_ns = time.monotonic_ns()
         if queued.options.start_ns != UNKNOWN:
             self._timed.append(queued)
@@ -325,10 +339,11 @@ class Device:
 
     # Following targets
 
-    def track(self, limits: Limits, *, token: str = "") -> QueuedMotion:
+    def track(self, queued: QueuedMotion, limits: Limits, *, token: str = "") -> None:
         """Follow targets from now on, whatever moves at present; see :attr:`targets`.
 
         Args:
+            queued: the following, see :meth:`expecting`.
             limits: narrower than the device's own; infinite ones are left to it.
             token: the lease.
 
@@ -339,16 +354,14 @@ class Device:
             PlanError: the device does not report the data needed to check targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
-        with self.expecting() as queued:
-            queued.token = token
-            self._axes.expect_targets()
-            with self._lock:
-                lease = self._check_wanted(queued)
-                queued.number = self._number + 1
-                self._queue.track(queued, servo_limits)
-                self._number = queued.number
-                self._note_begun(queued, lease, "following targets")
-        return queued
+        queued.token = token
+        self._axes.expect_targets()
+        with self._lock:
+            lease = self._check_wanted(queued)
+            queued.number = self._number + 1
+            self._queue.track(queued, servo_limits)
+            self._number = queued.number
+            self._note_begun(queued, lease, "following targets")
 
     # Stops
 
@@ -380,21 +393,29 @@ class Device:
     def abandon(self, queued: QueuedMotion, reason: str) -> None:
         """End a motion, and nothing that runs before it.
 
-        One that waits for its turn is taken out; else the device is stopped on its path.
+        One that waits for its turn is taken out; else the device is stopped on its path.  That does
+        not wait for a command of the device, which may take as long as the device does.
 
         Raises:
             DaemonError: the servo does not answer.
         """
-        with self._lock:
-            if queued.ended.done():
-                return
-            queued.reason = queued.reason or reason
-            if not queued.begun_ns:
-                self._unfinished.discard(queued)
-                return
-            is_waiting = self._queue.withdraw(queued, reason)
-        if not is_waiting:
+        if queued.ended.done():
+            return
+        # If it begins at this moment, its thread finds the reason and stops it.
+        queued.reason = queued.reason or reason
+        if not queued.begun_ns:
+            self._unfinished.discard(queued)
+        elif self._queue.present is queued or not self._withdraw(queued, reason):
             self.stop(reason)
+
+    def _withdraw(self, queued: QueuedMotion, reason: str) -> bool:
+        """Take out a motion that waits for its turn; return whether that was possible."""
+        if not self._lock.acquire(timeout=_WITHDRAWING):
+            return False
+        try:
+            return queued.ended.done() or self._queue.withdraw(queued, reason)
+        finally:
+            self._lock.release()
 
     def disown(self, token: str, reason: str) -> None:
         """End every motion that was asked for with the lease *token*."""
@@ -503,7 +524,7 @@ class Device:
 
     def _learn_why(self) -> None:
         """Read the servo's notes on its fault, if the device's thread has not yet."""
-        if self._servo.fault is Fault.NONE and self._lock.acquire(timeout=TICK):
+        if self._servo.fault is Fault.NONE and self._lock.acquire(blocking=False):
             try:
                 self._servo.read_notes()
             finally:

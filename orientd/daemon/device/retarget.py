@@ -26,6 +26,7 @@ from orientd.daemon.planners import (
     Rank,
     record_at_rest,
 )
+from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import Joints
 from orientd.errors import (
     DeadlineError,
@@ -117,6 +118,7 @@ class Retargeting:
         *,
         name: str,
         period: float,
+        workers: DeviceWorkers,
     ) -> None:
         """Plan nothing yet.
 
@@ -126,9 +128,10 @@ class Retargeting:
             planners: plan for it.
             name: of the device.
             period: of its cycle, s.
+            workers: threads for its commands and its stops.
         """
         self._servo, self._queue, self._planners = servo, queue, planners
-        self._name, self._period = name, period
+        self._name, self._period, self._workers = name, period, workers
         self._horizon = ReplanningHorizon()
         self._turn = asyncio.Lock()
 
@@ -169,7 +172,7 @@ class Retargeting:
                 try:
                     chosen = await self._plan(queued, call, kind, late)
                     queued.planned_ns = time.monotonic_ns()
-                    posted = await asyncio.to_thread(start, queued)
+                    posted = await self._workers.commands.run(start, queued)
                 except NotYetError as error:
                     problem = str(error)
                     with call.waiting():
@@ -346,7 +349,7 @@ class Retargeting:
             await self._planners.plan(plan_input, call)
         cycle = self._servo.newest()
         if cycle is not None and cycle.state is ServoState.STREAMING:
-            await asyncio.to_thread(self._servo.ask, Command.STOP)
+            await self._workers.stops.run(self._servo.ask, Command.STOP)
         await self._await_stop(call, MOVING)
         return chosen, None, None
 

@@ -16,7 +16,8 @@ pytest.importorskip("rtde_control")
 def followed(device, at, seconds, *, position=None):
     """Stream targets at 50 Hz, then stop; return what was refused."""
     refused = set()
-    device.track(device.limits)
+    with device.expecting() as queued:
+        device.track(queued, device.limits)
     begin = time.monotonic()
     while (t := time.monotonic() - begin) < seconds:
         now = time.monotonic_ns()
@@ -52,7 +53,8 @@ def test_a_tilt_into_the_wrist_singularity_is_held_before_it(ur_robot, way):
 def test_targets_beyond_the_end_of_a_joint_are_refused_and_the_arm_stops_before_it(ur_robot):
     with device_of(ur_robot.host) as device:
         q = device.snapshot().cycle.q
-        device.track(device.limits)
+        with device.expecting() as queued:
+            device.track(queued, device.limits)
         for k in range(1, 20):
             goal = multiply(q, exp((0.0, 0.0, 0.4 * k)))
 

@@ -3,6 +3,7 @@
 import asyncio
 import threading
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -98,8 +99,19 @@ def begin(devices, device, token):
     return start(device, token, plan(devices, device))
 
 
+def settle(device):
+    """Wait until a device has done what it was asked for."""
+    for threads in (device.workers.stops, device.workers.commands):
+        threads.submit(lambda: None).result(10.0)
+
+
+def stop(devices, *arguments, **options):
+    return asyncio.run(devices.stop(*arguments, **options))
+
+
 def ended(device, run):
     """Return how a motion has ended, once the device's thread has looked."""
+    settle(device)
     tend(device)
     return run.ended.result(0)
 
@@ -110,16 +122,19 @@ def test_only_motions_of_that_lease_are_stopped_with_it(devices, arm, servo):
     servo.finish()
     assert ended(arm, run)[0] == pb.OUTCOME_DONE
     devices.leases.release(lease.token)
+    settle(arm)
     assert "stop" not in servo.asked
 
 
 def test_an_expiry_alone_ends_hand_guiding(devices, arm, clock):
     arm.disable(is_freed=True)
     devices.leases.release(devices.leases.acquire("ana").token)
+    settle(arm)
     assert arm.is_free
     devices.leases.acquire("ana")
     clock.advance(5 * SECOND)
     devices.leases.expire()
+    settle(arm)
     assert not arm.is_free
 
 
@@ -134,7 +149,7 @@ def test_one_dead_servo_does_not_keep_the_others_from_stopping(devices, servo):
     servo.is_dead = True
     reason = r"no servo of arm answers the stop: .* did not answer stop.*; told to stop: leg"
     with pytest.raises(DaemonError, match=reason):
-        devices.stop("", "ben")
+        stop(devices, "", "ben")
     assert "stop" in servo_of(devices.device("leg")).asked
 
 
@@ -144,7 +159,7 @@ def while_planned(monkeypatch, planners, act):
 
     async def plan(*arguments, **options):
         motion = await planning(*arguments, **options)
-        act()
+        await act()
         return motion
 
     monkeypatch.setattr(planners, "plan", plan)
@@ -154,7 +169,7 @@ def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(
     devices, arm, servo, planners, monkeypatch
 ):
     token = devices.leases.acquire("ana").token
-    while_planned(monkeypatch, planners, lambda: devices.stop("arm", "ben"))
+    while_planned(monkeypatch, planners, partial(devices.stop, "arm", "ben"))
     with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
         move(arm, token)
     assert servo.asked == ["stop"]
@@ -166,7 +181,11 @@ def test_a_lease_that_is_lost_while_a_motion_is_planned_keeps_it_from_beginning(
     devices, arm, servo, planners, monkeypatch
 ):
     token = devices.leases.acquire("ana").token
-    while_planned(monkeypatch, planners, lambda: devices.leases.release(token))
+
+    async def release():
+        devices.leases.release(token)
+
+    while_planned(monkeypatch, planners, release)
     with pytest.raises(LeaseError, match="has expired or was released"):
         move(arm, token)
     assert servo.asked == []
@@ -196,7 +215,7 @@ def test_a_fault_ends_a_motion_as_a_fault(devices, arm, servo):
 def test_the_reason_of_a_stop_is_not_that_of_a_later_one(devices, arm, servo):
     token = devices.leases.acquire("ana").token
     begin(devices, arm, token)
-    devices.stop("arm", "ben")
+    stop(devices, "arm", "ben")
     run = begin(devices, arm, token)
     servo.be(ServoState.HOLDING)
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped on its path")
@@ -237,6 +256,7 @@ def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):
             await moving
 
     asyncio.run(go_away())
+    settle(arm)
     tend(arm)
     assert arm.unfinished() == []
     assert servo.asked == ["start", "stop"]
@@ -367,5 +387,5 @@ def test_a_device_knows_when_motions_with_a_start_time_began(devices, arm, servo
 
 
 def test_a_halt_leaves_the_path(devices, servo):
-    devices.stop("arm", "ana", is_quickest=True)
+    stop(devices, "arm", "ana", is_quickest=True)
     assert servo.asked[-1] == "halt"

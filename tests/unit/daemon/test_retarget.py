@@ -14,6 +14,7 @@ from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.retarget import ReplanningHorizon, Retargeting
 from orientd.daemon.planners import PlanInput, record_at_rest
+from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import ZERO
 from orientd.errors import LateError, LimitError
 from orientd.planner import Keyframe, Limits, MotionRequest
@@ -81,7 +82,9 @@ class Servo:
 def successor(planners, first, order, leave, *, queue=None):
     """Return where a motion takes over from the first one, the motion, and how often was chosen."""
     servo, queue = Servo(), queue or Queue(first, leave)
-    retargeting = Retargeting(servo, queue, planners, name="arm", period=PERIOD)
+    retargeting = Retargeting(
+        servo, queue, planners, name="arm", period=PERIOD, workers=DeviceWorkers("arm")
+    )
     found = retargeting._take_over(QueuedMotion(), order, KIND, (), leave)
     _, record, motion = asyncio.run(found)
     return record, motion, queue.asked, servo.state

@@ -1,0 +1,73 @@
+"""A daemon beside whose device everything hangs: eight slow devices, and the name service."""
+
+from harness import DaemonProcess, until
+
+from orientd.protocol import control_pb2 as pb
+
+SLOW = tuple(f"slow{number}" for number in range(8))
+
+_DRIVER = '''
+import os, pathlib, time
+from orientd_loopback import LoopbackDriver
+
+HERE = pathlib.Path(__file__).parent
+
+class SlowDriver(LoopbackDriver):
+    """A device that takes until ``hang`` is gone to be enabled, and writes down that it does."""
+
+    def enable(self):
+        if (HERE / "hang").exists():
+            (HERE / f"enabling-{os.getpid()}").touch()
+        while (HERE / "hang").exists():
+            time.sleep(0.01)
+        super().enable()
+'''
+
+_NAME_SERVICE = """
+import pwd, threading
+if {hangs}:
+    pwd.getpwuid = lambda uid: threading.Event().wait()
+"""
+
+
+class HangingDaemon(DaemonProcess):
+    """A daemon with a device that moves, eight that can be made to hang, and no name service.
+
+    Attributes:
+        hung: the commands of the slow devices that have not been answered.
+    """
+
+    def __init__(self, folder, *, has_names=False, **more):
+        super().__init__(folder, **more)
+        self.site = folder / "site"
+        entries = self.site / "slow-1.dist-info"
+        entries.mkdir(parents=True)
+        (entries / "METADATA").write_text("Metadata-Version: 2.1\nName: slow\nVersion: 1\n")
+        (entries / "entry_points.txt").write_text("[orientd.drivers]\nslow = slow:SlowDriver\n")
+        (self.site / "slow.py").write_text(_DRIVER)
+        (self.site / "sitecustomize.py").write_text(_NAME_SERVICE.format(hangs=not has_names))
+        self.import_from(self.site)
+        slow = (
+            f'[devices.{name}]\ndriver = "slow"\nrate_hz = 50\nauto_enable = false\n'
+            "stall_timeout = 60.0\nheartbeat_timeout = 60.0\nfeedback_timeout = 60.0\n"
+            for name in SLOW
+        )
+        self.config.write_text(self.config.read_text() + "".join(slow))
+        self.hung = []
+
+    def hang(self):
+        """Have every slow device hang in a command."""
+        (self.site / "hang").touch()
+        for name in SLOW:
+            request = pb.CommandRequest(device=name, lease_token=self.token)
+            self.hung.append(self.stub.Enable.future(request))
+        until(lambda: len(list(self.site.glob("enabling-*"))) == len(SLOW), "eight slow commands")
+
+    def assert_hangs(self):
+        """Check that what was begun before has not been answered."""
+        assert len(self.hung) == len(SLOW)
+        assert not any(one.done() for one in self.hung)
+
+    def end(self):
+        (self.site / "hang").unlink(missing_ok=True)
+        return super().end()
