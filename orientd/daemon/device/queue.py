@@ -158,9 +158,9 @@ class MotionQueue:
         leave, tuning = queued.begins, queued.motion.facts.device_options
         if leave is None:
             self.tend()
-            self._servo.commanded()
             if self._motions:
                 raise LateError("a queued motion has begun")
+            self._servo.commanded()
             late = (time.monotonic_ns() - queued.options.start_ns) * 1e-9
             if queued.options.start_ns != UNKNOWN and late > 0.0:
                 raise StateError(f"the motion was ready {late:.3f} s after its start time")
