@@ -77,8 +77,12 @@ class Tracking(Pointing):
         self._ended = threading.Event()
         try:
             self._report: pb.TrackResponse = next(iter(self._stream))
-        except grpc.RpcError as error:
-            raise connection.explain(error) from error
+        except BaseException as error:
+            self._outgoing.put(None)  # ends gRPC's thread that sends
+            self._stream.cancel()
+            if isinstance(error, grpc.RpcError):
+                raise connection.explain(error) from error
+            raise
         self._anchor = Anchor(self._report)
         self._reader = threading.Thread(target=self._read, name="orientd track", daemon=True)
         self._reader.start()
@@ -208,4 +212,5 @@ class Tracking(Pointing):
         except grpc.RpcError as error:
             self._error = self._connection.explain(error)
         finally:
+            self._outgoing.put(None)
             self._ended.set()

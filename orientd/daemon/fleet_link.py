@@ -18,6 +18,7 @@ from typing import Any
 
 from orientd.config import Settings
 from orientd.daemon.access import AuditLog
+from orientd.daemon.workers import Mishaps
 from orientd.errors import ConfigError, OrientdError
 from orientd.fleet import PACKET_BYTES, TIME_BYTES, address_of, member_configuration
 from orientd.protocol import control_pb2 as pb
@@ -101,12 +102,14 @@ class FleetLink:
     async def _keep(self) -> None:
         """Run gateways, one after the other."""
         pause = 0.5 * _AGAIN
+        mishaps = Mishaps(_log, "fleet: the gateway fails, and is started again")
         while True:
             began = time.monotonic()
-            try:
-                await self._run_gateway()
-            except OSError as error:
-                _log.error("fleet: the gateway: %s", error)
+            with mishaps.survived():
+                try:
+                    await self._run_gateway()
+                except OSError as error:
+                    _log.error("fleet: the gateway: %s", error)
             lasted = time.monotonic() - began > _SELDOM
             pause = _AGAIN if lasted else min(2.0 * pause, _SELDOM)
             await asyncio.sleep(pause)
@@ -158,18 +161,18 @@ class FleetLink:
 
     async def _publish(self) -> None:
         """Publish the state at its rate while a client watches."""
-        due = 0.0
+        due, mishaps = 0.0, Mishaps(_log, "fleet: the state is not published")
         while True:
             await self._watched.wait()
             now = time.monotonic_ns()
-            try:
-                state = (await self._state()).SerializeToString()
-                if self._link is not None:
-                    self._link.send(now.to_bytes(TIME_BYTES, "little") + state)
-            except OrientdError as error:
-                _log.warning("fleet: no state: %s", error)
-            except OSError:
-                pass  # a gateway that is busy, or has ended, misses this state
+            with mishaps.survived(), contextlib.suppress(OSError):
+                # A gateway that is busy, or has ended, misses this state.
+                try:
+                    state = (await self._state()).SerializeToString()
+                    if self._link is not None:
+                        self._link.send(now.to_bytes(TIME_BYTES, "little") + state)
+                except OrientdError as error:
+                    _log.warning("fleet: no state: %s", error)
             due = max(due + 1.0 / self._fleet.state_hz, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
 

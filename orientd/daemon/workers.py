@@ -1,4 +1,4 @@
-"""Who waits for whom in the daemon: which work runs in which threads, and what may delay it.
+"""Threads of the daemon: who waits for whom, which work runs where, and what may delay it.
 
 Nothing uses asyncio's default executor, which everything would share.
 
@@ -37,7 +37,7 @@ from concurrent.futures import Future
 from typing import TypeVar, TypeVarTuple
 
 LOOK_UP = 0.25
-"""How long somebody waits for the name of a user, s; until it is there the number stands for it."""
+"""How long a new connection waits for the name of its user, s; then the number stands for it."""
 
 Result = TypeVar("Result")
 Given = TypeVarTuple("Given")
@@ -132,21 +132,21 @@ LOOK_UPS = Threads(2, "look-up")
 
 
 class Mishaps:
-    """The unexpected errors of a loop that goes on in spite of them; the first one is logged."""
+    """The unexpected errors of a loop that continues in spite of them; it logs the first one."""
 
     def __init__(self, logger: logging.Logger, what: str) -> None:
         """Note none yet.
 
         Args:
             logger: of the module.
-            what: what does not work where there are any.
+            what: what does not work if there are any.
         """
         self._logger, self._what = logger, what
         self._is_told = False
 
     @contextlib.contextmanager
     def survived(self) -> Iterator[None]:
-        """Go on after the context whatever is raised in it."""
+        """Continue after the context, whatever it raises."""
         try:
             yield
         except Exception:  # or the loop would end without a word

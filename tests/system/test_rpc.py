@@ -424,3 +424,12 @@ def test_refused_plans_leave_no_memory(tmp_path):
             until(lambda asked=asked: all(one.done() for one in asked), "the end of the calls")
         assert len(motion.SerializeToString()) > 500_000
         assert resident_kib(daemon.process.pid, "VmHWM") < 256 * 1024
+
+
+def test_a_refused_track_leaves_no_thread(robot):
+    robot.acquire_lease()
+    before = threading.active_count()
+    for _ in range(5):
+        with pytest.raises(RequestError):
+            robot.track(limits={"velocity": 1000.0})
+    until(lambda: threading.active_count() <= before, "the end of the threads")

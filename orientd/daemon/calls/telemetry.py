@@ -17,6 +17,7 @@ import orientd
 from orientd.config import MetricsSettings
 from orientd.daemon.calls.report import CycleReader, cycle_age
 from orientd.daemon.device import Device, DeviceEvent, EventKind
+from orientd.daemon.workers import Mishaps
 from orientd.errors import ConfigError
 from orientd.own_socket import ClientListener
 from orientd.stream import Cycle, ServoState
@@ -169,8 +170,10 @@ class Telemetry:
     # What is looked at
 
     def _watch(self) -> None:
+        mishaps = Mishaps(_log, "metrics: cycles are not counted")
         while not self._done.wait(SAMPLING):
-            self.sample()
+            with mishaps.survived():
+                self.sample()
 
     def sample(self) -> None:
         """Count the cycles since the last look."""

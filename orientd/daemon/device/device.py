@@ -27,7 +27,7 @@ from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
 from orientd.daemon.device.target_writer import TargetWriter
 from orientd.daemon.leases import Lease, Leases
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
-from orientd.daemon.workers import DeviceWorkers
+from orientd.daemon.workers import DeviceWorkers, Mishaps
 from orientd.driver import Explaining, Vector3, make_driver
 from orientd.errors import (
     GOING_DOWN,
@@ -568,8 +568,10 @@ class Device:
                 self._lock.release()
 
     def _measure(self) -> None:
+        mishaps = Mishaps(_log, f"{self.name}: motions are not measured")
         while not self._closing.wait(_MEASURE):
-            self._queue.measure()
+            with mishaps.survived():
+                self._queue.measure()
 
     def _tick(self) -> None:
         self._servo.beat()

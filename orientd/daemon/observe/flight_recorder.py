@@ -128,6 +128,16 @@ class FlightRecorder:
 
     def _write(self, event: DeviceEvent) -> tuple[EventKind, str]:
         """Write a file and return how that went: its path, or why not."""
+        try:
+            return self._written(event)
+        except OSError as error:
+            return EventKind.RECORDING_FAILED, str(error)
+        except Exception as error:  # noqa: BLE001 - or there would be no recording of any later fault
+            _log.exception("%s: the recording failed", event.device)
+            return EventKind.RECORDING_FAILED, f"{type(error).__name__}: {error}"
+
+    def _written(self, event: DeviceEvent) -> tuple[EventKind, str]:
+        """Gather what a recording holds, and have it written."""
         device = self._devices[event.device]
         since_ns = event.time_ns - round((self._settings.seconds + _NOTICE) * 1e9)
         events = self._journal.kept(event.device, since_ns)
@@ -147,18 +157,15 @@ class FlightRecorder:
             "events": [len(one) for one in events],
             "health": [part._asdict() for part in device.snapshot().health],
         }
-        try:
-            with os.fdopen(os.memfd_create("orientd-flight", os.MFD_CLOEXEC), "wb") as file:
-                # A line of JSON, the events, the slots.
-                file.writelines([json.dumps(header).encode() + b"\n", *events])
-                file.flush()
-                self._memories[event.device].copy_to(file.fileno())
-                file.seek(0)
-                return self._written(file)
-        except OSError as error:
-            return EventKind.RECORDING_FAILED, str(error)
+        with os.fdopen(os.memfd_create("orientd-flight", os.MFD_CLOEXEC), "wb") as file:
+            # A line of JSON, the events, the slots.
+            file.writelines([json.dumps(header).encode() + b"\n", *events])
+            file.flush()
+            self._memories[event.device].copy_to(file.fileno())
+            file.seek(0)
+            return self._made(file)
 
-    def _written(self, recorded: BinaryIO) -> tuple[EventKind, str]:
+    def _made(self, recorded: BinaryIO) -> tuple[EventKind, str]:
         """Make the file in a process of its own, and return the result."""
         process = subprocess.Popen(
             [sys.executable, "-m", "orientd.recorder.flight"],

@@ -37,3 +37,21 @@ def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypat
     assert process.poll() is None
     process.kill()
     process.wait()
+
+
+def test_an_unexpected_error_is_told_and_later_faults_are_recorded(monkeypatch, caplog):
+    monkeypatch.setattr(module, "AFTERWARDS", 0.0)
+    settings = config.default_settings()
+    journal, device = Journal(kept=60.0), FakeDevice(settings.devices["arm"])
+    recorder = module.FlightRecorder(settings, journal, {"arm": device})
+    cycles = memoryview(bytearray(RecordRing.bytes_needed(CYCLE_RECORD, 100)))
+    ring = RecordRing(cycles, CYCLE_RECORD, 100)
+    ring.append(record_of(cycle()))
+    recorder.memory("arm", device.rate_hz).take(ring, is_last=True)
+    device.snapshot = lambda: 1 / 0
+    recorder.start()
+    for _ in range(2):
+        recorder.on_event(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
+    recorder.close()
+    journal.close()
+    assert caplog.text.count("ZeroDivisionError: division by zero") >= 2

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -158,3 +159,32 @@ def test_a_lease_that_a_move_takes_outlasts_its_planning(planners, monkeypatch):
     assert [one.holder for one in held] == ["ana"]
     assert devices.leases.held() == []
     devices.close()
+
+
+def test_a_following_whose_caller_goes_away_while_it_starts_is_ended(service, devices):
+    arm, token = devices.device("arm"), lease_of(service).token
+    servo, gone = servo_of(arm), threading.Event()
+
+    async def requests():
+        yield pb.TrackRequest(start=pb.TrackStart(device="arm", lease_token=token))
+        await asyncio.Event().wait()
+
+    async def follow():
+        async for _ in service.Track(requests(), ANA):
+            pass
+
+    async def go_away():
+        loop, following = asyncio.get_running_loop(), asyncio.ensure_future(follow())
+
+        def leave():
+            loop.call_soon_threadsafe(following.cancel)
+            gone.wait(10.0)
+
+        servo.during_start = leave
+        with pytest.raises(asyncio.CancelledError):
+            await following
+        gone.set()
+
+    asyncio.run(go_away())
+    arm.workers.commands.submit(lambda: None).result(10.0)
+    assert (servo.asked[0], {*servo.asked[1:]}) == ("track", {"stop"})
