@@ -6,7 +6,7 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
@@ -27,11 +27,17 @@ _SPACING = 0.001
 """Least time between two targets for their arrival, s: more of them would wait on the way."""
 
 
-def paced(outgoing: queue.SimpleQueue[pb.TrackRequest | None]) -> Iterator[pb.TrackRequest]:
+def paced(
+    outgoing: queue.SimpleQueue[pb.TrackRequest | None], skip: Callable[[], object]
+) -> Iterator[pb.TrackRequest]:
     """Yield messages as they come, up to ``None``.
 
     Of the targets without a time that come within :data:`_SPACING`, only the newest is sent.  They
     count from their arrival, so one that had waited would be wrong.
+
+    Args:
+        outgoing: the messages.
+        skip: called for each target that is not sent.
     """
     message, due = outgoing.get(), 0.0
     while message is not None:
@@ -48,6 +54,8 @@ def paced(outgoing: queue.SimpleQueue[pb.TrackRequest | None]) -> Iterator[pb.Tr
                 following = outgoing.get(timeout=left)
                 if following is None or not _is_for_arrival(following):
                     yield message
+                else:
+                    skip()
                 message = following
 
 
@@ -72,7 +80,9 @@ class Tracking(Pointing):
         super().__init__(connection, begin.device)
         self._outgoing: queue.SimpleQueue[pb.TrackRequest | None] = queue.SimpleQueue()
         self._outgoing.put(pb.TrackRequest(start=begin))
-        self._stream = connection.call(connection.stub.Track, paced(self._outgoing))
+        self._skipped = 0
+        messages = paced(self._outgoing, self._skip)
+        self._stream = connection.call(connection.stub.Track, messages)
         self._error: OrientdError | None = None
         self._ended = threading.Event()
         try:
@@ -95,7 +105,10 @@ class Tracking(Pointing):
 
     @property
     def report(self) -> pb.TrackResponse:
-        """The newest report."""
+        """The newest report.
+
+        Its counts include the targets that were not sent because a newer one came within 1 ms.
+        """
         return self._report
 
     def aim(
@@ -204,9 +217,14 @@ class Tracking(Pointing):
         if self._error is not None and sys.exc_info()[0] is None:
             raise self._error
 
+    def _skip(self) -> None:
+        self._skipped += 1
+
     def _read(self) -> None:
         try:
             for message in self._stream:
+                message.targets += self._skipped
+                message.left_out += self._skipped
                 self._report = message
                 self._anchor.note(message)
         except grpc.RpcError as error:

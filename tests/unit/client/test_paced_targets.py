@@ -18,11 +18,11 @@ def _longest_spacing(monkeypatch):
     monkeypatch.setattr(tracking, "_SPACING", 3600.0)
 
 
-def sent(*messages):
+def sent(*messages, skip=lambda: None):
     outgoing = queue.SimpleQueue()
     for message in (*messages, None):
         outgoing.put(message)
-    return list(paced(outgoing))
+    return list(paced(outgoing, skip))
 
 
 def target(number, time_ns=0):
@@ -30,8 +30,10 @@ def target(number, time_ns=0):
 
 
 def test_of_targets_for_their_arrival_the_newest_is_sent():
-    numbers = [one.target.time_to_live for one in sent(*map(target, range(COUNT)))]
-    assert numbers == [0, COUNT - 1]
+    skipped = []
+    messages = sent(*map(target, range(COUNT)), skip=lambda: skipped.append(1))
+    assert [one.target.time_to_live for one in messages] == [0, COUNT - 1]
+    assert len(skipped) == COUNT - 2
 
 
 def test_without_a_spacing_every_target_is_sent(monkeypatch):
