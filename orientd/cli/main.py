@@ -5,21 +5,19 @@ Exit status 0 means done, 1 refused or failed, 2 a usage error.
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import sys
-import time
 import traceback
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any
 
 import click
 
 import orientd
+from orientd.cli.interrupts import Interrupt, handle, wake_main_thread
 from orientd.cli.output import Output, complain, plain
 from orientd.cli.parameters import Group, Option, command_of
 from orientd.errors import LimitError, OrientdError, RequestError
@@ -52,9 +50,6 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names.s
 
 _LONG = 1.0
 """Duration from which a refusal reports its time, s."""
-
-_APART = 0.5
-"""Signals within this time are one interrupt, s."""
 
 TRACEBACK = "ORIENTD_TRACEBACK"
 """Environment variable that shows the traceback of a defect."""
@@ -93,14 +88,16 @@ class Commands(Group):
         """
         numbers = (signal.SIGINT, signal.SIGTERM)
         ours = [number for number in numbers if signal.getsignal(number) is ctx.obj]
+        if ours:
+            wake_main_thread()
         try:
             try:
-                _handle(ours, _Interrupt())
+                handle(ours, Interrupt())
                 return super().invoke(ctx)
             finally:
-                _handle(ours, signal.SIG_IGN)
+                handle(ours, signal.SIG_IGN)
         except KeyboardInterrupt as error:
-            _handle(ours, signal.SIG_IGN)
+            handle(ours, signal.SIG_IGN)
             raise OrientdError("interrupted") from error
 
     def main(  # type: ignore[override] # of all that Click passes only this matters here
@@ -123,26 +120,6 @@ class Commands(Group):
             status = 2 if isinstance(error, click.ClickException) else 1
             _tell(error, as_json="--json" in given)
         sys.exit(status)
-
-
-class _Interrupt:
-    """Raise ``KeyboardInterrupt``, only once for signals in quick succession.
-
-    A second one would interrupt the end of the command, such as the wait for a stop.
-    """
-
-    _last = -math.inf
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        now = time.monotonic()
-        if now - self._last > _APART:
-            self._last = now
-            signal.default_int_handler(number, frame)
-
-
-def _handle(numbers: Sequence[int], handler: Callable[..., object] | signal.Handlers) -> None:
-    for number in numbers:
-        signal.signal(number, handler)
 
 
 def _is_ours(error: Exception) -> bool:

@@ -1,11 +1,13 @@
 """The command line, end to end."""
 
 import csv
+import ctypes
 import json
 import math
 import os
 import pty
 import re
+import signal
 import subprocess
 import tempfile
 from pathlib import Path
@@ -54,6 +56,27 @@ def slow(tmp_path):
     path = tmp_path / "slow.yaml"
     path.write_text(SLOW)
     return path
+
+
+@pytest.mark.parametrize(
+    ("command", "state"),
+    [(("serve", "rotctld", "--port", 0), pb.STATE_HOLDING), (("track",), pb.STATE_TRACKING)],
+    ids=["accepts", "reads"],
+)
+def test_ctrl_c_ends_a_command_whichever_thread_the_kernel_gives_it_to(daemon, command, state):
+    process = begin(*command, "--socket", daemon.socket, stdin=subprocess.PIPE)
+    if state == pb.STATE_HOLDING:
+        assert process.stdout.readline().startswith("ready at")
+    until(lambda: daemon.device().state == state, "the command at work")
+    asleep = Path(f"/proc/{process.pid}/stat")
+    until(
+        lambda: asleep.read_text().rpartition(")")[2].split()[0] == "S", "a main thread that waits"
+    )
+    threads = [int(one.name) for one in Path(f"/proc/{process.pid}/task").iterdir()]
+    other = max(one for one in threads if one != process.pid)
+    ctypes.CDLL(None).tgkill(process.pid, other, signal.SIGINT)
+    process.communicate(timeout=30.0)
+    until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
 
 
 def is_moving(device):

@@ -12,7 +12,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
@@ -375,14 +375,18 @@ class Device:
         Raises:
             DaemonError: the servo does not answer.
         """
-        self.note_stop(reason)
+        self._stop(self.unfinished(), reason, is_quickest=is_quickest)
+
+    def _stop(
+        self, motions: Iterable[QueuedMotion], reason: str, *, is_quickest: bool = False
+    ) -> None:
+        _note(motions, reason)
         _log.info("%s: stop: %s", self.name, reason)
         self._servo.ask(Command.HALT if is_quickest else Command.STOP)
 
     def note_stop(self, reason: str) -> None:
         """Note the reason for a stop of the device."""
-        for queued in self.unfinished():
-            queued.reason = queued.reason or reason
+        _note(self.unfinished(), reason)
 
     def _take_stops(self) -> None:
         """Note by whom the device was stopped without the daemon."""
@@ -393,8 +397,9 @@ class Device:
     def abandon(self, queued: QueuedMotion, reason: str) -> None:
         """End a motion, and nothing that runs before it.
 
-        One that waits for its turn is taken out; else the device is stopped on its path.  That does
-        not wait for a command of the device, which may take as long as the device does.
+        One that waits for its turn is taken out; else the device is stopped on its path, which ends
+        the motions behind it too.  One that is yet to begin then begins from rest.  A stop does not
+        wait for a command of the device, which may take as long as the device does.
 
         Raises:
             DaemonError: the servo does not answer.
@@ -406,7 +411,7 @@ class Device:
         if not queued.begun_ns:
             self._unfinished.discard(queued)
         elif self._queue.present is queued or not self._withdraw(queued, reason):
-            self.stop(reason)
+            self._stop([one for one in self.unfinished() if one.begun_ns], reason)
 
     def _withdraw(self, queued: QueuedMotion, reason: str) -> bool:
         """Take out a motion that waits for its turn; return whether that was possible."""
@@ -633,3 +638,9 @@ class Device:
         self._unfinished.discard(queued)
         if not queued.ended.done():
             queued.ended.set_result(ended)
+
+
+def _note(motions: Iterable[QueuedMotion], reason: str) -> None:
+    """Note the reason for which *motions* end, unless there is one already."""
+    for queued in motions:
+        queued.reason = queued.reason or reason

@@ -245,6 +245,17 @@ def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(devices, arm, s
     assert ended(arm, second) == (pb.OUTCOME_STOPPED, "gone")
 
 
+def test_a_motion_that_is_yet_to_begin_outlives_the_one_that_it_replaces(devices, arm, servo):
+    token = devices.leases.acquire("ana").token
+    first = begin(devices, arm, token)
+    with arm.expecting() as second:
+        arm.abandon(first, "gone")
+        assert not second.reason
+        arm.stop("stopped by ben")
+        assert second.reason == "stopped by ben"
+    assert ended(arm, first) == (pb.OUTCOME_STOPPED, "gone")
+
+
 def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):
     token = devices.leases.acquire("ana").token
 
