@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from grpclib.health.check import ServiceStatus
 
@@ -25,6 +25,7 @@ from orientd.daemon.access import (
     Authorization,
     Listener,
     RolePolicy,
+    Tables,
     audit_path,
     claimed,
 )
@@ -35,7 +36,7 @@ from orientd.daemon.standard import standard_methods
 from orientd.daemon.stops import StopFolder
 from orientd.daemon.systemd import Watchdog, notify
 from orientd.daemon.workers import Threads
-from orientd.errors import ConfigError, DaemonError, OrientdError
+from orientd.errors import DaemonError, OrientdError
 from orientd.protocol import control_pb2
 
 if TYPE_CHECKING:
@@ -107,6 +108,26 @@ def _share_arenas() -> None:
             ctypes.CDLL(None).mallopt(parameter, value)
 
 
+class _News(NamedTuple):
+    """Everything that a reload applies.
+
+    Attributes:
+        settings: as they are now.
+        can: the keys that have changed.
+        cannot: the keys that need a restart.
+        tables: roles and certificates.
+        fleet: configuration of the gateway to the fleet, if there is one.
+        telemetry: serves the metrics, if the settings have a port for them.
+    """
+
+    settings: Settings
+    can: list[str]
+    cannot: list[str]
+    tables: Tables
+    fleet: dict[str, Any] | None
+    telemetry: Telemetry | None
+
+
 class _Daemon:
     """Everything that a daemon is made of, and what happens to it."""
 
@@ -137,6 +158,7 @@ class _Daemon:
         self._socket = socket
         self._stopping = asyncio.Event()
         self._life, self._reading = Threads(1, "life"), Threads(1, "reload")
+        self._reloading: asyncio.Task[None] | None = None
         self._status = ServiceStatus()
         access = settings.access
         self._audit = AuditLog(
@@ -221,41 +243,62 @@ class _Daemon:
             signal.signal(number, signal.SIG_IGN)
 
     def _reload(self) -> None:
-        """Apply the settings that can change while the daemon runs, and name those that cannot."""
+        self._reloading = asyncio.create_task(self._apply_news(self._reloading))
+
+    async def _apply_news(self, before: asyncio.Task[None] | None = None) -> None:
+        """Apply the settings that can change while the daemon runs, and name those that cannot.
+
+        Everything is read first, in a thread, because files and names may take their time.  Then
+        all of it is applied at once, or nothing.
+        """
+        if before is not None:
+            await asyncio.wait((before,))
         if self._reread is None:
             _log.warning("reload: there is no file of settings")
             return
         try:
-            settings = self._reread()
-            can, _ = changes(self._settings, settings)
-            _, cannot = changes(self._initial, settings)
-            begin = None if self._fleet is None else self._fleet.configured(settings)
-            # The files that it names may have changed where the settings have not.
-            self._listener.change(settings.access, settings.tcp)
+            news = await self._reading.run(self._read_news, self._reread)
         except OrientdError as error:
             _log.error("reload: nothing changed: %s", error)
             return
-        self._stops.admit(self._listener.policy)
-        if self._fleet is not None and begin is not None:
-            self._fleet.change(begin)
+        settings, telemetry = news.settings, self._telemetry
+        self._listener.change(news.tables)
+        if self._fleet is not None and news.fleet is not None:
+            self._fleet.change(news.fleet)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
         self._service.keyframes = settings.access.keyframes
         self._authorization.most_calls = settings.access.streams
-        if (self._telemetry is None) != (settings.metrics is None) or "metrics.port" in can:
-            self._measure_anew(settings)
-        self._settings = settings
-        _log.info("reload: changed: %s", ", ".join(can) or "nothing but the files that are named")
-        if cannot:
-            _log.warning("reload: needs a restart: %s", ", ".join(cannot))
+        self._settings, self._telemetry = settings, news.telemetry
+        _log.info(
+            "reload: changed: %s", ", ".join(news.can) or "nothing but the files that are named"
+        )
+        if news.cannot:
+            _log.warning("reload: needs a restart: %s", ", ".join(news.cannot))
+        await self._reading.run(self._stops.admit, self._listener.policy)
+        if telemetry is not None and telemetry is not news.telemetry:
+            await self._reading.run(telemetry.close)
 
-    def _measure_anew(self, settings: Settings) -> None:
-        before, self._telemetry = self._telemetry, None
-        if before is not None:
-            before.close()
-        try:
-            self._telemetry = self._measured(settings)
-        except ConfigError as error:
-            _log.error("reload: %s", error)
+    def _read_news(self, reread: Callable[[], Settings]) -> _News:
+        """Read the settings and the files that they name, and open the port of the metrics.
+
+        Raises:
+            OrientdError: something is missing or wrong.
+        """
+        settings = reread()
+        can, _ = changes(self._settings, settings)
+        _, cannot = changes(self._initial, settings)
+        return _News(
+            settings,
+            can,
+            cannot,
+            # The files that it names may have changed where the settings have not.
+            self._listener.read(settings.access, settings.tcp),
+            None if self._fleet is None else self._fleet.configured(settings),
+            # Last: nothing fails after it, so nobody has to close it again.
+            self._telemetry
+            if self._settings.metrics == settings.metrics
+            else self._measured(settings),
+        )
 
     def _measured(self, settings: Settings) -> Telemetry | None:
         """Return what counts for Prometheus, if the settings have a port for it.

@@ -13,4 +13,4 @@ from orientd.daemon.access.identity import (
     RolePolicy,
     peer_process,
 )
-from orientd.daemon.access.listener import Listener
+from orientd.daemon.access.listener import Listener, Tables

@@ -56,15 +56,16 @@ Receive = Callable[[socket.socket, str], Awaitable[None]]
 
 
 @dataclass(frozen=True)
-class _Tables:
+class Tables:
     """Hold the roles of clients, and the TLS context and revocations."""
 
     policy: RolePolicy
+    tcp: TcpSettings | None = None
     context: ssl.SSLContext | None = None
     revocations: bytes = b""
 
     @classmethod
-    def read(cls, access: AccessSettings, tcp: TcpSettings | None) -> _Tables:
+    def read(cls, access: AccessSettings, tcp: TcpSettings | None) -> Tables:
         """Return the tables of the settings, and of the files that they name.
 
         Raises:
@@ -77,7 +78,7 @@ class _Tables:
             revocations = b"" if tcp.crl is None else tcp.crl.read_bytes()
         except OSError as error:
             raise ConfigError(f"tcp.crl: cannot read {tcp.crl}: {error.strerror}") from error
-        return cls(policy, context, revocations)
+        return cls(policy, tcp, context, revocations)
 
 
 class Listener:
@@ -102,7 +103,7 @@ class Listener:
             ConfigError: the settings name a user, group or file that does not exist.
         """
         self._access, self._tcp = access, tcp
-        self._tables = _Tables.read(access, tcp)
+        self._tables = Tables.read(access, tcp)
         self._find_route, self._audit = find_route, audit
         self._path: Path | None = None
         self._listeners: list[socket.socket] = []
@@ -147,18 +148,21 @@ class Listener:
             _log.info("listens at %s:%d too, with TLS", host, listener.getsockname()[1])
             self._accept_at(listener, self._from_tcp)
 
-    def change(self, access: AccessSettings, tcp: TcpSettings | None) -> None:
-        """Go by other roles and other certificates from now on; the address stays the same.
+    def read(self, access: AccessSettings, tcp: TcpSettings | None) -> Tables:
+        """Return other roles and certificates, for :meth:`change`; the address stays the same.
+
+        Raises:
+            ConfigError: the settings name a missing user, group or file.
+        """
+        return Tables.read(access, None if self._tcp is None else tcp or self._tcp)
+
+    def change(self, tables: Tables) -> None:
+        """Go by other roles and certificates from now on.
 
         The daemon hangs up on clients that it admits no more.  A change of the revocation list
         cuts off every client with a certificate; those that it does not name may come again.
-
-        Raises:
-            ConfigError: the settings name a missing user, group or file; nothing has changed.
         """
-        present = None if self._tcp is None else tcp or self._tcp
-        tables, before = _Tables.read(access, present), self._tables
-        self._tcp, self._tables = present, tables
+        before, self._tables, self._tcp = self._tables, tables, tables.tcp
         self._let_reach()
         for connection in list(self._connections):
             caller = connection.caller

@@ -1,8 +1,10 @@
 """A reload separates settings that can change in a running daemon from those that cannot."""
 
+import asyncio
 import contextlib
 import logging
 import socket
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -99,7 +101,7 @@ def test_settings_that_the_cell_refuses_change_nothing(daemon_of, caplog):
     daemon = daemon_of(settings)
     daemon._fleet = SimpleNamespace(configured=refuse)
     with caplog.at_level(logging.ERROR):
-        daemon._reload()
+        asyncio.run(daemon._apply_news())
     assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
 
 
@@ -108,9 +110,40 @@ def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(dae
     with caplog.at_level(logging.ERROR), socket.create_server(("127.0.0.1", 0)) as taken:
         after = settings(metrics={"port": taken.getsockname()[1]})
         daemon = daemon_of(lambda: after)
-        daemon._reload()
+        asyncio.run(daemon._apply_news())
         assert "cannot listen" in caplog.text
         taken.close()
-        daemon._reload()
+        asyncio.run(daemon._apply_news())
     assert daemon._telemetry is not None
+    daemon._telemetry.close()
+
+
+def test_a_reload_reads_off_the_event_loop_and_applies_all_or_nothing(daemon_of, caplog):
+    """Settings whose last part fails change nothing, and the loop runs while they are read."""
+    pytest.importorskip("prometheus_client")
+    reading, served = threading.Event(), threading.Event()
+    taken = socket.create_server(("127.0.0.1", 0))
+    tables = {"access": {"keyframes": 7}, "metrics": {"port": taken.getsockname()[1]}}
+
+    def slow():
+        reading.set()
+        assert served.wait(30.0), "the event loop waits for the settings"
+        return settings(**tables)
+
+    daemon = daemon_of(slow)
+    before = daemon._service.keyframes
+
+    async def test():
+        reload = asyncio.create_task(daemon._apply_news())
+        while not reading.is_set():
+            await asyncio.sleep(0.001)
+        served.set()
+        await reload
+
+    with taken, caplog.at_level(logging.ERROR):
+        asyncio.run(test())
+    assert "nothing changed" in caplog.text
+    assert daemon._service.keyframes == before
+    asyncio.run(daemon._apply_news())
+    assert daemon._service.keyframes == 7
     daemon._telemetry.close()

@@ -147,7 +147,7 @@ def test_a_change_that_is_refused_changes_nothing(tmp_path):
     async def work(daemon):
         before = daemon.listener.policy
         with pytest.raises(listener.ConfigError, match="no user 'nobody-at-all'"):
-            daemon.listener.change(AccessSettings(users={"nobody-at-all": "operator"}), None)
+            daemon.listener.read(AccessSettings(users={"nobody-at-all": "operator"}), None)
         assert daemon.listener.policy is before
 
     run(tmp_path, work)
