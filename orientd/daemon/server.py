@@ -294,7 +294,7 @@ class _Daemon:
             # The files that it names may have changed where the settings have not.
             self._listener.read(settings.access, settings.tcp),
             None if self._fleet is None else self._fleet.configured(settings),
-            # Last: nothing fails after it, so nobody has to close it again.
+            # Last: nothing after it fails, which would leave its port open.
             self._telemetry
             if self._settings.metrics == settings.metrics
             else self._measured(settings),
