@@ -473,22 +473,22 @@ class DriverConformance(ABC):
             start = driver.enable()
             self.ask_in_a_cycle(driver)
             self.turn(driver, start)
-            self.ask_in_a_cycle(driver)
+            self.ask_in_a_cycle(driver, has_moved=True)
             driver.disable()
-            self.ask_in_a_cycle(driver)
+            self.ask_in_a_cycle(driver, has_moved=True)
             if self.break_device():
                 with contextlib.suppress(DeviceError):
                     self.hold(driver, None, self.settle_cycles)
-                self.ask_in_a_cycle(driver)
+                self.ask_in_a_cycle(driver, has_moved=True)
 
-    def ask_in_a_cycle(self, driver: Driver) -> None:
-        """Call every optional method that the servo calls in a cycle."""
+    def ask_in_a_cycle(self, driver: Driver, *, has_moved: bool = False) -> None:
+        """Call every optional method that the servo calls in a cycle, some only after a motion."""
         if isinstance(driver, Explaining):
             assert isinstance(driver.why_stale(), str)
         if isinstance(driver, Healthy):
             driver.health()
             driver.notices()
-        if isinstance(driver, Arriving):
+        if has_moved and isinstance(driver, Arriving):
             driver.gaps()
         if isinstance(driver, PhaseLocked):
             driver.deadline_shift_ns(self.clock.now_ns())

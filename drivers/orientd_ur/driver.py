@@ -234,11 +234,12 @@ class UrDriver(Driver):
         with alarm_after(_LONGEST_CYCLE):
             link.require()
             timestamp = link.timestamp()
-            if timestamp == self._timestamp:
-                self._look_for_age(now_ns)
-            else:
+            is_new = timestamp != self._timestamp
+            if is_new:
                 self._timestamp, self._changed_ns, self._looks = timestamp, now_ns, 0
                 self._feedback = self._measure(timestamp, now_ns)
+            else:
+                self._look_for_age(now_ns)
             if now_ns - self._compared_ns > _COMPARE_EVERY_NS:
                 self._compared_ns = now_ns
                 link.require_same()
@@ -252,8 +253,13 @@ class UrDriver(Driver):
                     # The library stops the program itself when it reconnects.
                     link.require_same()
                     raise DeviceFaultError(reason)
-            elif link.has_control and now_ns - self._kicked_ns > 0.2e9 / self._options.watchdog_hz:
+            elif (
+                is_new
+                and link.has_control
+                and now_ns - self._kicked_ns > 0.2e9 / self._options.watchdog_hz
+            ):
                 # Without setpoints, something must feed the watchdog so that the program continues.
+                # The library does not return if the controller is frozen.
                 self._kicked_ns = now_ns
                 if link.modes()[2] == RuntimeState.PLAYING:
                     link.tell("kickWatchdog")
