@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
-import socket
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from types import FrameType
 
 _APART = 0.5
 """Signals within this time are one interrupt, s."""
 
-_WAKE = signal.SIGURG
-"""Wakes the main thread; unlike most signals it is ignored by default, and means nothing here."""
 
-
-class Interrupt:
+class _Interrupt:
     """Raise ``KeyboardInterrupt``, only once for signals in quick succession.
 
     A second one would interrupt the end of the command, such as the wait for a stop.
@@ -33,28 +30,34 @@ class Interrupt:
             signal.default_int_handler(number, frame)
 
 
-def handle(numbers: Sequence[int], handler: Callable[..., object] | signal.Handlers) -> None:
-    """Handle the signals *numbers* from now on."""
-    for number in numbers:
-        signal.signal(number, handler)
-
-
-def wake_main_thread() -> None:
-    """Have every signal wake the main thread, which calls this.
+def interrupt_at(numbers: Sequence[int]) -> None:
+    """Have the signals *numbers* interrupt the main thread, which calls this.
 
     The kernel gives a signal to any thread of the process.  Python handles it in the main thread
     only, and does not wake a main thread that waits in a system call: the signal would be lost.
     """
-    reading, writing = socket.socketpair()
-    writing.setblocking(False)
-    signal.signal(_WAKE, lambda *_: None)
-    signal.set_wakeup_fd(writing.detach(), warn_on_full_buffer=False)
-    threading.Thread(
-        target=_wake, args=(reading, threading.get_ident()), name="orientd signals", daemon=True
-    ).start()
+    interrupt = _Interrupt()
+    for number in numbers:
+        signal.signal(number, interrupt)
+    if hasattr(signal, "pthread_kill"):
+        reading, writing = os.pipe()
+        os.set_blocking(writing, False)
+        signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+        # Wakes a thread.  Otherwise it means nothing here, and is ignored by default.
+        signal.signal(signal.SIGURG, lambda *_: None)
+        waking = threading.Thread(
+            target=_wake, args=(reading, threading.get_ident()), name="orientd signals", daemon=True
+        )
+        waking.start()
 
 
-def _wake(reading: socket.socket, main: int) -> None:
-    while numbers := reading.recv(256):
-        if numbers.strip(bytes([_WAKE])):
-            signal.pthread_kill(main, _WAKE)
+def ignore(numbers: Sequence[int]) -> None:
+    """Ignore the signals *numbers* from now on."""
+    for number in numbers:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _wake(reading: int, main: int) -> None:
+    while numbers := os.read(reading, 256):
+        if numbers.strip(bytes([signal.SIGURG])):
+            signal.pthread_kill(main, signal.SIGURG)

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import click
 
 import orientd
-from orientd.cli.interrupts import Interrupt, handle, wake_main_thread
+from orientd.cli.interrupts import ignore, interrupt_at
 from orientd.cli.output import Output, complain, plain
 from orientd.cli.parameters import Group, Option, command_of
 from orientd.errors import LimitError, OrientdError, RequestError
@@ -88,16 +88,15 @@ class Commands(Group):
         """
         numbers = (signal.SIGINT, signal.SIGTERM)
         ours = [number for number in numbers if signal.getsignal(number) is ctx.obj]
-        if ours:
-            wake_main_thread()
         try:
             try:
-                handle(ours, Interrupt())
+                if ours:
+                    interrupt_at(ours)
                 return super().invoke(ctx)
             finally:
-                handle(ours, signal.SIG_IGN)
+                ignore(ours)
         except KeyboardInterrupt as error:
-            handle(ours, signal.SIG_IGN)
+            ignore(ours)
             raise OrientdError("interrupted") from error
 
     def main(  # type: ignore[override] # of all that Click passes only this matters here

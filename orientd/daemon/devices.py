@@ -121,7 +121,10 @@ class Devices:
 
     async def stopped(self, names: Iterable[str]) -> None:
         """Wait until every stop that was asked for before has reached its device."""
-        await asyncio.gather(*[self.by_name[name].workers.stops.run(_nothing) for name in names])
+        latest = [self.by_name[name].workers.stops.latest for name in names]
+        stops = [asyncio.wrap_future(stop) for stop in latest if stop is not None]
+        if stops:
+            await asyncio.wait(stops)
 
     # Life
 
@@ -286,7 +289,3 @@ def _end_free(device: Device) -> None:
         device.end_free()
     except OrientdError as error:
         _log.warning("lease: cannot end hand guiding of %s: %s", device.name, error)
-
-
-def _nothing() -> None:
-    """Do nothing, once everything before is done."""

@@ -34,7 +34,8 @@ import queue
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from typing import TypeVar, TypeVarTuple
+from functools import partial
+from typing import Any, TypeVar, TypeVarTuple
 
 LOOK_UP = 0.25
 """How long a new connection waits for the name of its user, s; then the number stands for it."""
@@ -42,11 +43,16 @@ LOOK_UP = 0.25
 Result = TypeVar("Result")
 Given = TypeVarTuple("Given")
 
+_Work = tuple[Future[Any], Callable[[], Any]]
+
 
 class Threads:
     """Threads that do work in the order in which it comes.
 
     They begin with the first work, and do not keep the process from ending.
+
+    Attributes:
+        latest: the work that came last, if any has come.
     """
 
     def __init__(self, count: int, name: str) -> None:
@@ -58,23 +64,21 @@ class Threads:
         """
         self._count, self._name = count, name
         self._lock = threading.Lock()
-        self._queue: queue.SimpleQueue[Callable[[], object] | None] | None = None
+        self._queue: queue.SimpleQueue[_Work | None] | None = None
+        self.latest: Future[Any] | None = None
 
     def submit(self, work: Callable[[*Given], Result], *given: *Given) -> Future[Result]:
         """Have *work* done, and return at once."""
         future: Future[Result] = Future()
-
-        def do() -> None:
-            if not future.set_running_or_notify_cancel():
-                return
-            try:
-                result = work(*given)
-            except BaseException as error:  # noqa: BLE001 - whoever waits for it gets it
-                future.set_exception(error)
-            else:
-                future.set_result(result)
-
-        self._begun().put(do)
+        with self._lock:
+            if self._queue is None:
+                self._queue = queue.SimpleQueue()
+                for _ in range(self._count):
+                    threading.Thread(
+                        target=_do, args=(self._queue,), name=self._name, daemon=True
+                    ).start()
+            self._queue.put((future, partial(work, *given)))
+            self.latest = future
         return future
 
     async def run(self, work: Callable[[*Given], Result], *given: *Given) -> Result:
@@ -92,21 +96,17 @@ class Threads:
             for _ in range(self._count):
                 waiting.put(None)
 
-    def _begun(self) -> queue.SimpleQueue[Callable[[], object] | None]:
-        with self._lock:
-            if self._queue is None:
-                self._queue = queue.SimpleQueue()
-                for _ in range(self._count):
-                    threading.Thread(
-                        target=_work, args=(self._queue,), name=self._name, daemon=True
-                    ).start()
-            return self._queue
 
-
-def _work(waiting: queue.SimpleQueue[Callable[[], object] | None]) -> None:
-    while (do := waiting.get()) is not None:
-        do()
-        del do  # what it holds is not to be kept until the next one comes
+def _do(waiting: queue.SimpleQueue[_Work | None]) -> None:
+    """Do work as it comes, until there is ``None``."""
+    while (item := waiting.get()) is not None:
+        future, work = item
+        if future.set_running_or_notify_cancel():
+            try:
+                future.set_result(work())
+            except BaseException as error:  # noqa: BLE001 - whoever waits for it gets it
+                future.set_exception(error)
+        del item, future, work  # what they hold must not be kept until the next one comes
 
 
 class DeviceWorkers:

@@ -20,7 +20,7 @@ for name in ("fcntl", "grp", "pwd", "resource", "termios", "tty"):
     sys.modules[name] = None
 for module, names in {
     os: ("O_CLOEXEC", "O_NOCTTY", "O_NONBLOCK", "fork", "geteuid", "getuid", "memfd_create"),
-    signal: ("SIGCONT", "SIGHUP", "SIGKILL", "SIGSTOP", "SIGTTOU"),
+    signal: ("SIGCONT", "SIGHUP", "SIGKILL", "SIGSTOP", "SIGTTOU", "SIGURG", "pthread_kill"),
     socket: ("AF_UNIX", "SOCK_CLOEXEC", "SOCK_NONBLOCK", "SOCK_SEQPACKET"),
 }.items():
     for name in names:
