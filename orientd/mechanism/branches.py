@@ -66,13 +66,13 @@ def candidates(
     """
     low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in axes]).T
     begun = np.clip(np.zeros(len(axes)) if start is None else start, low, high)
-    line = _followed(principal, begun)
-    nearest = np.round((line[:, None] - principal) / _TURN)
+    lines = _followed(principal, begun)
     options = []
     for place in range(len(axes)):
-        least, most = _turns(line[:, place], float(low[place]), float(high[place]))
-        turns = nearest[..., place, None] + np.arange(least, most + 1)
-        shifted = principal[..., place, None] + _TURN * turns
+        pair = lines[..., place]
+        ranges = [_turns(line, float(low[place]), float(high[place])) for line in pair.T]
+        least, most = min(first for first, _ in ranges), max(last for _, last in ranges)
+        shifted = pair[..., None] + _TURN * np.arange(least, most + 1)
         inside = (shifted >= low[place]) & (shifted <= high[place])
         options.append(np.where(inside, shifted, np.nan)[..., np.any(inside, axis=(0, 1))])
     rows = [
@@ -92,13 +92,15 @@ def candidates(
 
 
 def _followed(principal: Floats, begun: Floats) -> Floats:
-    """Return the axis angles that follow the path without a jump, beginning near *begun*."""
+    """Return both lines of axis angles that follow the path without a jump, from near *begun*.
+
+    They have the shape of *principal*; each begins on one branch.
+    """
     gaps = np.max(np.abs(wrapped(principal[1:, None] - principal[:-1, :, None])), axis=-1)
     swaps = gaps[:, 0, 1] + gaps[:, 1, 0] < gaps[:, 0, 0] + gaps[:, 1, 1]
-    first = int(np.argmin(np.sum(np.abs(wrapped(principal[0] - begun)), axis=-1)))
-    branch = (first + np.concatenate([[0], np.cumsum(swaps)])) % 2
-    line = np.unwrap(principal[np.arange(len(principal)), branch], axis=0)
-    found: Floats = line + _TURN * np.round((begun - line[0]) / _TURN)
+    branch = (np.arange(2) + np.concatenate([[0], np.cumsum(swaps)])[:, None]) % 2
+    lines = np.unwrap(np.take_along_axis(principal, branch[..., None], axis=1), axis=0)
+    found: Floats = lines + _TURN * np.round((begun - lines[0]) / _TURN)
     return found
 
 

@@ -54,6 +54,18 @@ def test_the_number_of_candidates_does_not_grow_with_the_limits(turns):
     assert all(one.slews == found[0].slews for one in found)
 
 
+@pytest.mark.parametrize("turns", [-3, 3])
+def test_a_middle_axis_may_wind_on_the_branch_that_does_not_begin_near_zero(turns):
+    # The branch near zero has yaw beyond its limit, and pitch winds the other way there.
+    limits = [AxisLimits("yaw", -1.5, 1.5, 3.0, 30.0), AxisLimits("pitch", -30.0, 30.0, 3.0, 30.0),
+              AxisLimits("roll", -4.5, 0.3, 3.0, 30.0)]  # fmt: skip
+    pitch = -2.3 + 2 * np.pi * turns * np.linspace(0.0, 1.0, 2000)
+    asked = np.stack([0 * pitch - 0.1, pitch, 0 * pitch - 3.1], axis=-1)
+    gimbal = gimbal_of("ZYX")
+    every = candidates(inverse(gimbal, forward(gimbal, asked)), limits)
+    assert np.all(np.nanmin(np.max(np.abs(every - asked[:, None]), axis=-1), axis=1) < 1e-9)
+
+
 def test_where_no_turn_has_the_whole_path_every_turn_is_a_candidate():
     # Three turns of yaw within two: it must unwind, and may choose by how many turns.
     limits = [AxisLimits("yaw", -7.0, 7.0, 3.0, 30.0),
