@@ -118,7 +118,11 @@ class Passes:
         if before is not None:
             before.join()
         try:
-            self._served.rest()
+            # With the lock, a position elsewhere comes before this or after it, and is not stopped.
+            with self._served.lock:
+                if self._pass is not wanted:
+                    return
+                self._served.rest()
             self._begin(wanted)
         except OrientdError as error:
             if self._pass is not wanted:
@@ -144,14 +148,17 @@ class Passes:
                 return
             if begin > now + _LEAST:
                 lost = sum(one.end - one.start for one in plan.certificate.losses)
-                self._notify(
-                    f"{wanted.target.name}: the pass is planned, from {start - now:.0f} s "
-                    f"to {wanted.end - now:.0f} s from now, off target for {lost:.1f} s"
-                )
-                self._begun = begin
-                self._motion = self._served.begin(plan, begin)
+                with self._served.lock:
+                    if self._pass is not wanted:
+                        return
+                    self._notify(
+                        f"{wanted.target.name}: the pass is planned, from {start - now:.0f} s "
+                        f"to {wanted.end - now:.0f} s from now, off target for {lost:.1f} s"
+                    )
+                    self._begun = begin
+                    self._motion = self._served.begin(plan, begin)
                 if self._pass is not wanted:
-                    self._motion.cancel()  # the pass was left while the daemon took the motion
+                    self._motion.cancel()  # a stop came while the daemon took the motion
                 return
             start = now + plan.start_time + (now - asked) + _MARGIN
         raise OrientdError("planning took too long")

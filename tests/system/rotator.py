@@ -48,5 +48,6 @@ def rotctld(daemon, *arguments):
     finally:
         client.close()
         server.send_signal(signal.SIGINT)
-        _, errors = server.communicate(timeout=30.0)
+        output, errors = server.communicate(timeout=30.0)
+        print(output)  # pytest shows it if the test fails
         assert (server.returncode, errors) == (0, "")

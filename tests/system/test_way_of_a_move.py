@@ -23,8 +23,8 @@ MOST_TYPES = 43
 FIRST_RECORD = "orientd/stream/ring.py:RecordRing.put"
 _ROOMS = ("rotation", "kernels", "curves", "mechanism", "planner")
 LEFT_OUT = (*(f"orientd/{room}/" for room in _ROOMS), "drivers/", "sim/")
-QUIET = 1.0
-"""How long the daemon is watched doing nothing, s."""
+QUIET = 3.0
+"""How long the daemon is watched doing nothing, s: longer than the period of anything it does."""
 
 MOTION = """\
 approach: true

@@ -516,9 +516,9 @@ class CannotSayWhyWithoutItsDevice(GoodDriver):
 
 
 @bad(ASKED)
-class KnowsNoGapsBeforeItIsEnabled(GoodDriver):
+class KnowsNoGapsAfterAMotion(GoodDriver):
     def gaps(self):
-        assert self.asked
+        assert not self.asked
         return super().gaps()
 
 

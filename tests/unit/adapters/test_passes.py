@@ -21,9 +21,10 @@ class Refusing:
 
     def __init__(self, error):
         self.asked, self.robot, self._error = 0, self, error
+        self.lock, self.rests = threading.RLock(), 0
 
     def rest(self):
-        pass
+        self.rests += 1
 
     def plan(self, request, *, device):
         self.asked += 1
@@ -125,3 +126,28 @@ def test_the_end_waits_for_every_plan_that_is_made():
     passes.close()
     assert served.stops
     assert served.planning == 0
+
+
+def test_a_pass_that_is_left_before_its_plan_brings_nothing_to_rest():
+    """What moves by then is the position elsewhere that the client has asked for."""
+    served = Planning(threading.Event())
+    passes = passes_of(served)
+    with served.lock:
+        assert passes.takes(POINT)
+        planning = passes._planning
+        passes.leave()
+    planning.join()
+    assert (served.rests, served.asked) == (0, 0)
+
+
+def test_a_pass_that_is_left_while_it_is_planned_does_not_begin():
+    gate, begun = threading.Event(), []
+    served = Planning(gate)
+    served.on_begin = lambda: begun.append(True)
+    passes = passes_of(served)
+    assert passes.takes(POINT)
+    with served.lock:
+        gate.set()
+        passes.leave()
+    passes._planning.join()
+    assert not begun
