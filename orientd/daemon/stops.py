@@ -67,9 +67,14 @@ class StopFolder:
     def admit(self, policy: RolePolicy) -> None:
         """Allow other users and groups to stop from now on."""
         self._policy = policy
-        self._let_reach()
         news = b"admit " + json.dumps(self.admitted).encode()
-        folder = os.open(self._folder, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            self._let_reach()
+            folder = os.open(self._folder, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        except OSError as error:
+            what = "%s: the servos do not take the news of who may stop: %s"
+            _log.warning(what, self._folder, error.strerror)
+            return
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sending:
                 sending.settimeout(_TAKING)

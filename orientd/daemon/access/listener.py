@@ -163,7 +163,10 @@ class Listener:
         cuts off every client with a certificate; those that it does not name may come again.
         """
         before, self._tables, self._tcp = self._tables, tables, tables.tcp
-        self._let_reach()
+        try:
+            self._let_reach()
+        except OSError as error:  # such as a socket that a cleaner of old files has removed
+            _log.warning("%s: cannot change who reaches it: %s", self._path, error.strerror)
         for connection in list(self._connections):
             caller = connection.caller
             now = tables.policy.identify(caller.credentials)

@@ -147,3 +147,28 @@ def test_a_reload_reads_off_the_event_loop_and_applies_all_or_nothing(daemon_of,
     asyncio.run(daemon._apply_news())
     assert daemon._service.keyframes == 7
     daemon._telemetry.close()
+
+
+def test_a_reload_applies_everything_although_its_sockets_were_removed(daemon_of, tmp_path, caplog):
+    """Such as by a cleaner of old files in /tmp."""
+    daemon = daemon_of(lambda: settings(access={"keyframes": 7}, daemon={"log_level": "debug"}))
+
+    async def test():
+        await daemon._listener.open(tmp_path / "x")
+        (tmp_path / "x").unlink()
+        (tmp_path / "x.stop").rmdir()
+        await daemon._apply_news()
+        await daemon._listener.close()
+
+    before = logging.getLogger().level
+    try:
+        with caplog.at_level(logging.WARNING):
+            asyncio.run(test())
+    finally:
+        logging.getLogger().setLevel(before)
+    assert daemon._service.keyframes == 7
+    assert [one for one in caplog.messages if not one.startswith("reload: ")] == [
+        f"{tmp_path}/x: cannot change who reaches it: No such file or directory",
+        f"{tmp_path}/x.stop: the servos do not take the news of who may stop: "
+        "No such file or directory",
+    ]
