@@ -18,7 +18,7 @@ from typing import Any
 
 from orientd.config import Settings
 from orientd.daemon.access import AuditLog
-from orientd.daemon.workers import Mishaps
+from orientd.daemon.workers import LoopErrors
 from orientd.errors import ConfigError, OrientdError
 from orientd.fleet import PACKET_BYTES, TIME_BYTES, address_of, member_configuration
 from orientd.protocol import control_pb2 as pb
@@ -102,10 +102,10 @@ class FleetLink:
     async def _keep(self) -> None:
         """Run gateways, one after the other."""
         pause = 0.5 * _AGAIN
-        mishaps = Mishaps(_log, "fleet: the gateway fails, and is started again")
+        errors = LoopErrors(_log, "fleet: the gateway fails, and is started again")
         while True:
             began = time.monotonic()
-            with mishaps.survived():
+            with errors.logged():
                 try:
                     await self._run_gateway()
                 except OSError as error:
@@ -161,11 +161,11 @@ class FleetLink:
 
     async def _publish(self) -> None:
         """Publish the state at its rate while a client watches."""
-        due, mishaps = 0.0, Mishaps(_log, "fleet: the state is not published")
+        due, errors = 0.0, LoopErrors(_log, "fleet: the state is not published")
         while True:
             await self._watched.wait()
             now = time.monotonic_ns()
-            with mishaps.survived(), contextlib.suppress(OSError):
+            with errors.logged(), contextlib.suppress(OSError):
                 # A gateway that is busy, or has ended, misses this state.
                 try:
                     state = (await self._state()).SerializeToString()

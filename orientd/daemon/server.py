@@ -108,7 +108,7 @@ def _share_arenas() -> None:
             ctypes.CDLL(None).mallopt(parameter, value)
 
 
-class _News(NamedTuple):
+class _NewSettings(NamedTuple):
     """Everything that a reload applies.
 
     Attributes:
@@ -243,9 +243,9 @@ class _Daemon:
             signal.signal(number, signal.SIG_IGN)
 
     def _reload(self) -> None:
-        self._reloading = asyncio.create_task(self._apply_news(self._reloading))
+        self._reloading = asyncio.create_task(self._apply_settings(self._reloading))
 
-    async def _apply_news(self, before: asyncio.Task[None] | None = None) -> None:
+    async def _apply_settings(self, before: asyncio.Task[None] | None = None) -> None:
         """Apply the settings that can change while the daemon runs, and name those that cannot.
 
         Everything is read first, in a thread, because files and names may take their time.  Then
@@ -257,28 +257,28 @@ class _Daemon:
             _log.warning("reload: there is no file of settings")
             return
         try:
-            news = await self._reading.run(self._read_news, self._reread)
+            new = await self._reading.run(self._read_settings, self._reread)
         except OrientdError as error:
             _log.error("reload: nothing changed: %s", error)
             return
-        settings, telemetry = news.settings, self._telemetry
-        self._listener.change(news.tables)
-        if self._fleet is not None and news.fleet is not None:
-            self._fleet.change(news.fleet)
+        settings, telemetry = new.settings, self._telemetry
+        self._listener.change(new.tables)
+        if self._fleet is not None and new.fleet is not None:
+            self._fleet.change(new.fleet)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
         self._service.keyframes = settings.access.keyframes
         self._authorization.most_calls = settings.access.streams
-        self._settings, self._telemetry = settings, news.telemetry
+        self._settings, self._telemetry = settings, new.telemetry
         _log.info(
-            "reload: changed: %s", ", ".join(news.can) or "nothing but the files that are named"
+            "reload: changed: %s", ", ".join(new.can) or "nothing but the files that are named"
         )
-        if news.cannot:
-            _log.warning("reload: needs a restart: %s", ", ".join(news.cannot))
+        if new.cannot:
+            _log.warning("reload: needs a restart: %s", ", ".join(new.cannot))
         await self._reading.run(self._stops.admit, self._listener.policy)
-        if telemetry is not None and telemetry is not news.telemetry:
+        if telemetry is not None and telemetry is not new.telemetry:
             await self._reading.run(telemetry.close)
 
-    def _read_news(self, reread: Callable[[], Settings]) -> _News:
+    def _read_settings(self, reread: Callable[[], Settings]) -> _NewSettings:
         """Read the settings and the files that they name, and open the port of the metrics.
 
         Raises:
@@ -287,7 +287,7 @@ class _Daemon:
         settings = reread()
         can, _ = changes(self._settings, settings)
         _, cannot = changes(self._initial, settings)
-        return _News(
+        return _NewSettings(
             settings,
             can,
             cannot,

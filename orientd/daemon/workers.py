@@ -131,8 +131,8 @@ LOOK_UPS = Threads(2, "look-up")
 """Ask the name service, which may never answer."""
 
 
-class Mishaps:
-    """The unexpected errors of a loop that continues in spite of them; it logs the first one."""
+class LoopErrors:
+    """Log the first unexpected error of a loop, which continues in spite of it."""
 
     def __init__(self, logger: logging.Logger, what: str) -> None:
         """Note none yet.
@@ -145,7 +145,7 @@ class Mishaps:
         self._is_told = False
 
     @contextlib.contextmanager
-    def survived(self) -> Iterator[None]:
+    def logged(self) -> Iterator[None]:
         """Continue after the context, whatever it raises."""
         try:
             yield

@@ -17,7 +17,7 @@ import orientd
 from orientd.config import MetricsSettings
 from orientd.daemon.calls.report import CycleReader, cycle_age
 from orientd.daemon.device import Device, DeviceEvent, EventKind
-from orientd.daemon.workers import Mishaps
+from orientd.daemon.workers import LoopErrors
 from orientd.errors import ConfigError
 from orientd.own_socket import ClientListener
 from orientd.stream import Cycle, ServoState
@@ -170,9 +170,9 @@ class Telemetry:
     # What is looked at
 
     def _watch(self) -> None:
-        mishaps = Mishaps(_log, "metrics: cycles are not counted")
+        errors = LoopErrors(_log, "metrics: cycles are not counted")
         while not self._done.wait(SAMPLING):
-            with mishaps.survived():
+            with errors.logged():
                 self.sample()
 
     def sample(self) -> None:

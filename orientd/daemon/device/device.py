@@ -27,7 +27,7 @@ from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
 from orientd.daemon.device.target_writer import TargetWriter
 from orientd.daemon.leases import Lease, Leases
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
-from orientd.daemon.workers import DeviceWorkers, Mishaps
+from orientd.daemon.workers import DeviceWorkers, LoopErrors
 from orientd.driver import Explaining, Vector3, make_driver
 from orientd.errors import (
     GOING_DOWN,
@@ -573,9 +573,9 @@ class Device:
                 self._lock.release()
 
     def _measure(self) -> None:
-        mishaps = Mishaps(_log, f"{self.name}: motions are not measured")
+        errors = LoopErrors(_log, f"{self.name}: motions are not measured")
         while not self._closing.wait(_MEASURE):
-            with mishaps.survived():
+            with errors.logged():
                 self._queue.measure()
 
     def _tick(self) -> None:

@@ -101,7 +101,7 @@ def test_settings_that_the_cell_refuses_change_nothing(daemon_of, caplog):
     daemon = daemon_of(settings)
     daemon._fleet = SimpleNamespace(configured=refuse)
     with caplog.at_level(logging.ERROR):
-        asyncio.run(daemon._apply_news())
+        asyncio.run(daemon._apply_settings())
     assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
 
 
@@ -110,10 +110,10 @@ def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(dae
     with caplog.at_level(logging.ERROR), socket.create_server(("127.0.0.1", 0)) as taken:
         after = settings(metrics={"port": taken.getsockname()[1]})
         daemon = daemon_of(lambda: after)
-        asyncio.run(daemon._apply_news())
+        asyncio.run(daemon._apply_settings())
         assert "cannot listen" in caplog.text
         taken.close()
-        asyncio.run(daemon._apply_news())
+        asyncio.run(daemon._apply_settings())
     assert daemon._telemetry is not None
     daemon._telemetry.close()
 
@@ -134,7 +134,7 @@ def test_a_reload_reads_off_the_event_loop_and_applies_all_or_nothing(daemon_of,
     before = daemon._service.keyframes
 
     async def test():
-        reload = asyncio.create_task(daemon._apply_news())
+        reload = asyncio.create_task(daemon._apply_settings())
         while not reading.is_set():
             await asyncio.sleep(0.001)
         served.set()
@@ -144,7 +144,7 @@ def test_a_reload_reads_off_the_event_loop_and_applies_all_or_nothing(daemon_of,
         asyncio.run(test())
     assert "nothing changed" in caplog.text
     assert daemon._service.keyframes == before
-    asyncio.run(daemon._apply_news())
+    asyncio.run(daemon._apply_settings())
     assert daemon._service.keyframes == 7
     daemon._telemetry.close()
 
@@ -157,7 +157,7 @@ def test_a_reload_applies_everything_although_its_sockets_were_removed(daemon_of
         await daemon._listener.open(tmp_path / "x")
         (tmp_path / "x").unlink()
         (tmp_path / "x.stop").rmdir()
-        await daemon._apply_news()
+        await daemon._apply_settings()
         await daemon._listener.close()
 
     before = logging.getLogger().level

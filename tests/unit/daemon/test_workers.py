@@ -3,7 +3,7 @@
 import logging
 import threading
 
-from orientd.daemon.workers import Mishaps, Threads
+from orientd.daemon.workers import LoopErrors, Threads
 
 
 def test_work_is_done_in_order_and_its_errors_reach_who_asked():
@@ -28,8 +28,8 @@ def test_work_that_hangs_keeps_only_its_own_threads():
 
 
 def test_a_loop_survives_what_is_unexpected_and_logs_the_first_of_it(caplog):
-    mishaps = Mishaps(logging.getLogger("test"), "nothing is counted")
+    errors = LoopErrors(logging.getLogger("test"), "nothing is counted")
     for _ in range(3):
-        with mishaps.survived():
+        with errors.logged():
             raise ZeroDivisionError("oh")
     assert [one.getMessage() for one in caplog.records] == ["nothing is counted"]
