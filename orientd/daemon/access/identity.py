@@ -164,7 +164,9 @@ class RolePolicy:
             roles = [self._groups[gid] for gid in credentials.gids if gid in self._groups]
             if uid in self._users:
                 roles.append(self._users[uid])
-            return Identity(f"user:{uid}", user_name(uid), max(roles)) if roles else None
+            found = look_up(uid)
+            user = found.result() if found.done() else f"uid {uid}"
+            return Identity(f"user:{uid}", user, max(roles)) if roles else None
         name = credentials.name
         role = self._certificates.get(name)
         is_over = credentials.serial in self._revoked or credentials.expires <= time.time()
@@ -201,12 +203,6 @@ def look_up(uid: int) -> Future[str]:
                 del _names[next(iter(_names))]
             _names[uid] = LOOK_UPS.submit(_found, uid)
         return _names[uid]
-
-
-def user_name(uid: int) -> str:
-    """Return the name of a user, or the number as long as no name is known."""
-    name = look_up(uid)
-    return name.result() if name.done() else f"uid {uid}"
 
 
 def _found(uid: int) -> str:

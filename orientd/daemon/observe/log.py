@@ -86,17 +86,10 @@ class JsonFormatter(logging.Formatter):
         return f"<{_priority(record.levelno)}>{line}" if self._has_priority else line
 
 
-class LineFormatter(logging.Formatter):
-    """One line for people, whatever others have written into it."""
-
-    def __init__(self) -> None:
-        """Begin each line with the time and the level."""
-        super().__init__("%(asctime)s %(levelname)s %(message)s")
-
-    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the library's name
-        """Return *record* as a line."""
-        record.message = one_line(record.message, MOST)
-        return super().formatMessage(record)
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """Make the message of *record* one line, whatever others have written into it."""
+    record.msg, record.args = one_line(record.getMessage(), MOST), ()
+    return True
 
 
 class LogHandler(logging.Handler):
@@ -144,7 +137,8 @@ def set_up_log(chosen: LogFormat, level: str = "info") -> None:
     if chosen is LogFormat.JSON or (chosen is LogFormat.AUTO and is_journal):
         handler.setFormatter(JsonFormatter(has_priority=is_journal))
     else:
-        handler.setFormatter(LineFormatter())
+        handler.addFilter(_in_one_line)
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     logging.basicConfig(handlers=[handler], level=level.upper(), force=True)
 
 
