@@ -1,7 +1,7 @@
 """The control program on the robot: play it, end it in a fault, recover from stops.
 
-Commands that the program cannot take go to the dashboard server.  PolyScope X has none: there only
-the pendant works, and messages tell the user what to do.
+Commands that the program cannot take go to the dashboard server.  PolyScope X has none: there an
+empty program ends a paused one, and for everything else messages tell the user what to do.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from orientd_ur import controller
 from orientd_ur.controller import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
 from orientd_ur.link import Link
 from orientd_ur.options import UrOptions
-from orientd_ur.wire import Dashboard
+from orientd_ur.wire import SCRIPT_PORT, Connection, Dashboard
 
 _POLL = 0.005
 _POWER_UP = 15.0
 _STOPPING = 1.0
 _JOIN = 2.0
 _ASK_AGAIN_NS = 500_000_000
+_NOTHING = b"def orientd_end():\nend\n"
 _REDUCED = 2
 """The last of the safety modes in which an arm may be powered up."""
 
@@ -151,9 +152,9 @@ class ControlProgram:
 
         A playing program receives the command to end in its registers.  A paused program, or one
         held by a safety stop, receives nothing: the dashboard server ends it, in a thread of its
-        own, because it may be slow to answer.  Without a dashboard server the program ends as soon
-        as a user plays it.  Once no program plays, the last setpoint leaves the registers: it would
-        move an arm that is moved by hand meanwhile.
+        own, because it may be slow to answer.  Without a dashboard server an empty program takes
+        its place, as soon as the robot accepts one.  Once no program plays, the last setpoint
+        leaves the registers: it would move an arm that is moved by hand meanwhile.
 
         Raises:
             LinkError: the link is lost.
@@ -168,6 +169,8 @@ class ControlProgram:
             self._was_held = True
             self._ask_to_stop(now_ns)
         elif self._has_ended:
+            if not self.has_dashboard and now_ns - self._asked_ns < _ASK_AGAIN_NS:
+                return  # it may be the empty one
             self._notice("another program was played on the robot during the fault")
         else:
             if self._was_held:
@@ -184,9 +187,10 @@ class ControlProgram:
     def _ask_to_stop(self, now_ns: int) -> None:
         is_asking = self._asking is not None and self._asking.is_alive()
         is_due = now_ns - self._asked_ns >= _ASK_AGAIN_NS
-        if self.has_dashboard and is_due and not is_asking and not self._has_ended:
+        if is_due and not is_asking and not self._has_ended:
             self._asked_ns = now_ns
-            self._asking = threading.Thread(target=self._stop_by_dashboard, daemon=True)
+            end = self._stop_by_dashboard if self.has_dashboard else self._replace
+            self._asking = threading.Thread(target=end, daemon=True)
             self._asking.start()
 
     def _stop_by_dashboard(self) -> None:
@@ -194,6 +198,15 @@ class ControlProgram:
             if dashboard.ask("stop").startswith("Stopped"):
                 # Anything that plays from now on is another program.
                 self._has_ended = self._was_held = True
+
+    def _replace(self) -> None:
+        """Send an empty program; the robot does not answer, its runtime state shows the end."""
+        address = self._link.address
+        with (
+            contextlib.suppress(LinkError),
+            Connection(address, SCRIPT_PORT, "script server", _STOPPING) as link,
+        ):
+            link.send(_NOTHING)
 
     @property
     def _needs_remote(self) -> bool:

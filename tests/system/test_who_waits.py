@@ -2,8 +2,9 @@
 
 import signal
 
+import grpc
 import pytest
-from hanging import HangingDaemon
+from hanging import SLOW, HangingDaemon
 from harness import DEVICE, spin, until
 
 import orientd
@@ -36,6 +37,21 @@ def test_a_stop_is_answered(daemon, call):
     daemon.assert_hangs()
     assert "stopped by" in ended(daemon.stream)
     daemon.assert_hangs()
+
+
+@pytest.mark.parametrize("call", ["Stop", "Halt"])
+@pytest.mark.parametrize("device", ["", "slow3"])
+def test_a_device_that_does_not_answer_is_never_called_stopped(daemon, call, device):
+    with pytest.raises(grpc.RpcError) as failed:
+        getattr(daemon.stub, call)(pb.StopRequest(device=device))
+    daemon.assert_hangs()
+    silent = device or ", ".join(SLOW)
+    assert f"no servo of {silent} answers the {call.lower()}" in failed.value.details()
+    assert "slow3: enable is under way" in failed.value.details()
+    if not device:
+        assert failed.value.details().endswith(f"told to stop: {DEVICE}")
+        assert "stopped by" in ended(daemon.stream)
+        daemon.assert_hangs()
 
 
 def test_a_motion_is_cancelled(daemon):

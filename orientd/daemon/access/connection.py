@@ -159,7 +159,9 @@ class Connection(H2Protocol):
         try:
             super().data_received(piece)
         except Exception as error:  # noqa: BLE001 - whatever a library says of strange bytes
-            _log.debug("what is no HTTP/2 has come: %r", error)
+            # A client with calls under way spoke it before.
+            level = logging.DEBUG if self.is_idle else logging.WARNING
+            _log.log(level, "%s: what is no HTTP/2 has come: %r", self.caller.origin, error)
             self.hang_up()
             return
         if self._transport.get_write_buffer_size() > MOST_UNREAD:

@@ -54,7 +54,6 @@ SLOW_ANSWER_TIMEOUT = 60.0
 
 _SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET, Command.FREE)
 _STOPPING = (Command.STOP, Command.HALT, Command.SHUTDOWN)
-_RESTING = (ServoState.IDLE, ServoState.HOLDING, ServoState.FAULT)
 _POLL, _SLOW_POLL, _LOOK = 0.0005, 0.005, 0.05
 _NO_LIMITS = ServoLimits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -77,6 +76,11 @@ class _SlowCommand(NamedTuple):
     number: int
     command: Command
     begun: float
+
+    def describe(self, now: float) -> str:
+        """Return in words that it has no answer at *now*, monotonic s."""
+        taken = f"{self.command.name.lower()} is under way, for {now - self.begun:.1f} s"
+        return f"{taken} so far: the device has not answered yet"
 
 
 class ServoProcess:
@@ -301,8 +305,7 @@ class ServoProcess:
         """Send a command and wait until the servo has taken it.
 
         If the sender has given up waiting, the servo drops the command, unless it is a stop.  While
-        the driver talks to the device at length nothing moves, and a stop does not wait for its
-        answer.
+        the driver talks to the device at length, a stop waits for :data:`ANSWER_TIMEOUT` only.
 
         Args:
             command: what to do.
@@ -319,14 +322,11 @@ class ServoProcess:
         """
         memory = self.running()
         values = (motion, path_index, leave_index, final_index, start_ns, speed)
-        busy = self._slow
         index = self._post(memory, command, *values, *servo_limits.floats())
         posted = time.monotonic()
-        newest = None if busy is None else self.newest()
-        is_at_rest = newest is not None and newest.state in _RESTING
-        if command in _STOPPING and (is_at_rest or not memory.cycles.head):
+        if command in _STOPPING and not memory.cycles.head:
             self._take(index)
-            return posted  # it stops what does not move
+            return posted  # nothing has been sent yet
         answer = self._await(memory, index, command, posted)
         if answer.code == Answer.NOT_YET:
             raise NotYetError(answer.text)
@@ -365,8 +365,7 @@ class ServoProcess:
         with self._lock:
             now, slow = time.monotonic(), self._slow
             if slow is not None and command not in _STOPPING:
-                taken = f"{slow.command.name.lower()} is under way, for {now - slow.begun:.1f} s"
-                raise StateError(f"{taken} so far: the device has not answered yet")
+                raise StateError(slow.describe(now))
             index = memory.commands.head
             self._awaited.add(index)
             if command is Command.RESET:
@@ -382,8 +381,8 @@ class ServoProcess:
         Raises:
             DaemonError: there is none in time.
         """
-        name = command.name.lower()
-        timeout = max(ANSWER_TIMEOUT, self._settings.stall_timeout)
+        name, busy = command.name.lower(), self._slow if command in _STOPPING else None
+        timeout = ANSWER_TIMEOUT if busy else max(ANSWER_TIMEOUT, self._settings.stall_timeout)
         if command in _SLOW:
             timeout = SLOW_ANSWER_TIMEOUT
         look = begun + ANSWER_TIMEOUT
@@ -401,7 +400,8 @@ class ServoProcess:
                         f"cannot {name}"
                     )
                 elif now > begun + timeout:
-                    problem = f"the servo did not answer {name} within {timeout:g} s"
+                    silent = f"the servo did not answer {name} within {timeout:g} s"
+                    problem = busy.describe(now) if busy else silent
             if problem:
                 memory.commands.words[GIVEN_UP_WORD] = index + 1
                 self._take(index)

@@ -6,14 +6,14 @@ The judge is the emulated arm's own record of every joint in every cycle of 2 ms
 import os
 import signal
 import socket
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
 
 import pytest
 from arm_recording import read_arm
 from ur_rig import device_of, fault_of, is_holding, push, streaming, swing, until
 
-from emulated_ur import EmulatedRobot
+from emulated_ur import EmulatedRobot, LaunchError
 from orientd.errors import Fault
 
 pytest.importorskip("rtde_control")
@@ -232,16 +232,35 @@ def test_it_stays_whatever_a_protective_stop_leaves_of_the_program(bench, leaves
         CASES["unlock"](found)
 
 
-@pytest.mark.slow
-def test_it_stays_without_a_dashboard_that_ends_the_paused_program(bench):
+@pytest.mark.parametrize("plays", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_it_stays_without_a_dashboard_that_ends_the_paused_program(bench, plays):
     found = bench("--stiff-servo", "--polyscope", "10.11")
-    with found.judged("pause, PolyScope X"):
-        found.robot.ask("pause")
-        fault_of(found.device)
-        found.robot.wait_until(lambda s: s["runtime_state"] == "PAUSED" and s["is_still"])
+    with found.judged(f"pause{', play' * plays}, PolyScope X"):
+        found.fault("pause")
+        found.pass_ticks(60)  # the empty program holds the arm for a moment
         found.move_by_hand()
+        if plays:
+            with suppress(LaunchError):  # there is nothing to play
+                found.robot.ask("play")
+            found.pass_ticks(60)
         found.reset()
     turn_a_little(found.device)
+
+
+@pytest.mark.slow
+def test_a_program_that_a_safety_stop_holds_is_ended_once_that_is_released(bench):
+    found = bench("--stiff-servo", "--polyscope", "10.11")
+    found.robot.ask("safeguard")
+    fault_of(found.device)
+    found.robot.wait_until(lambda s: s["runtime_state"] == "PAUSED" and s["is_still"])
+    found.robot.ask("release")
+    found.await_stop()
+    found.pass_ticks(60)
+    found.move_by_hand()
+    with found.judged("safeguard, play, PolyScope X"):
+        with suppress(LaunchError):  # there is nothing to play
+            found.robot.ask("play")
+        found.reset()
 
 
 @pytest.mark.slow
