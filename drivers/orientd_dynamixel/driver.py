@@ -271,8 +271,9 @@ class DynamixelDriver(Driver):
         for servo in self._servos:
             servo.bus = bus
         try:
-            self._overwritten, self._unknown = prepare(
-                self._servos, options, self._turns, self._sleep, self.clock
+            self._overwritten = []
+            self._unknown = prepare(
+                self._servos, options, self._turns, self._sleep, self.clock, told=self._overwritten
             )
             self._group, self.advice = listen(self._servos, options, self.period_ns, self.clock)
         except DeviceError as error:

@@ -24,8 +24,8 @@ _RESTS = 1
 """Ticks within a step that a resting servo may report."""
 
 
-def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list[str]:
-    """Return which of the servos' own settings will be overwritten, one line a servo.
+def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list[list[str]]:
+    """Return which of each servo's own settings will be overwritten, in words.
 
     Args:
         servos: of the gimbal.
@@ -53,20 +53,35 @@ def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list
             f"overwrite = {sorted(refused)}"
         )
     return [
-        f"{servo}: {name.replace('_', ' ')} {before} is set to {after}"
+        [
+            f"{servo}: {name.replace('_', ' ')} {before} is set to {after}"
+            for name, (before, after) in settings.items()
+        ]
         for servo, settings in own.items()
-        for name, (before, after) in settings.items()
     ]
 
 
 def prepare(
-    servos: Sequence[Servo], options: GimbalOptions, turns: Turns, sleep: Sleep, clock: Clock
-) -> tuple[list[str], str]:
+    servos: Sequence[Servo],
+    options: GimbalOptions,
+    turns: Turns,
+    sleep: Sleep,
+    clock: Clock,
+    *,
+    told: list[str],
+) -> str:
     """Correct the settings of every servo and find out its turn; nothing moves.
 
+    Args:
+        servos: of the gimbal.
+        options: of the driver.
+        turns: what is known of the servos' turns.
+        sleep: waits.
+        clock: for the time of a reading.
+        told: takes the overwritten settings, in words, also those before an error.
+
     Returns:
-        The overwritten settings, in words, and the servos on an unknown turn; empty if there are
-        none.
+        The servos on an unknown turn, in words; empty if there are none.
 
     Raises:
         LinkError: a servo does not answer.
@@ -79,6 +94,7 @@ def prepare(
     changed = overwritten(servos, options.overwrite)
     unknown = []
     for place, servo in enumerate(servos):
+        told += changed[place]
         servo.clear_error(sleep)
         has_counted = servo.has_kept_power()
         servo.position = turns.last(place) if has_counted else None
@@ -90,7 +106,7 @@ def prepare(
             continue
         unknown.append(turns.resolve(place, position, has_kept_power=has_counted))
         servo.believe(position, clock.now_ns())
-    return changed, "; ".join(filter(None, unknown))
+    return "; ".join(filter(None, unknown))
 
 
 def engage_all(servos: Sequence[Servo]) -> list[Servo]:

@@ -7,6 +7,7 @@ it.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pkgutil
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.clock import MonotonicClock
-from orientd.driver import Driver, PhaseLocked, needs
+from orientd.driver import Driver, Healthy, PhaseLocked, needs
 from orientd.errors import Fault, OrientdError
 from orientd.keep_out import KeepOut
 from orientd.servo.keep_out_cones import KeepOutCones
@@ -109,6 +110,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     memory = SharedMemory(descriptor, settings.path_capacity, settings.cycle_capacity)
     clock = MonotonicClock()
+    driver: Driver | None = None
     try:
         stop_socket = None
         if settings.stop_path:
@@ -125,6 +127,11 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
             text = f"{type(error).__name__}: {error}"
         fault = fault_of(error)
         fault = Fault.SERVO_DIED if fault is Fault.INTERNAL else fault
+        if isinstance(driver, Healthy):
+            # The user learns of changes that it made before the error.
+            with contextlib.suppress(Exception):
+                for notice in driver.notices():
+                    memory.notes.publish(*pack_note(0, NoteKind.NOTICE, 0, notice))
         memory.notes.publish(*pack_note(0, NoteKind.ENDING, fault, text))
         return 1
     servo = Servo(

@@ -102,6 +102,21 @@ def test_what_is_overwritten_is_said_and_refused_unless_permitted(rig):
     assert not it.driver.notices()
 
 
+def test_what_was_overwritten_before_an_error_is_said(rig):
+    axes = [
+        {"id": 1, "name": "yaw", "model": "xm430", "limits_deg": [-90, 90]},
+        {"id": 2, "name": "pitch", "model": "xm430", "limits_deg": [-90, 90], "current_limit": 2.4},
+    ]
+    it = rig("ZY", axes=axes)
+    it.servo(2).write(38, (100).to_bytes(2, "little"), it.clock.now_ns())
+    with pytest.raises(DeviceFaultError, match="at most, current_limit is"):
+        it.driver.open()
+    assert list(it.driver.notices()) == [
+        "servo 1 (yaw): operating mode 3 is set to 4",
+        "servo 2 (pitch): operating mode 3 is set to 5",
+    ]
+
+
 def limited(rig, ampere):
     axes = [
         {"id": 1, "name": "yaw", "current_limit": ampere, "limits_deg": [-400, 400]},
