@@ -246,7 +246,8 @@ class DaemonProcess:
     def stretches(self, begin: int = 0) -> list[np.ndarray]:
         """Return the setpoints from *begin* on, cut where motion resumes from rest after a stall.
 
-        The device comes to rest there, and each section begins where the previous one ends.
+        The device comes to rest there, and each section begins with the last setpoint of the one
+        before.
         """
         setpoints = read_recording(self.recording)[begin:]
         q = np.array([setpoint.q for setpoint in setpoints])
@@ -256,7 +257,7 @@ class DaemonProcess:
         gaps = np.maximum(gaps, np.append(gaps[1:], 0)) + 2e9 * self.period
         is_from_rest = (gaps > SHORTEST_NS) & (speeds[1:] <= 0.5 * speeds[:-1])
         ends = [*np.flatnonzero(is_from_rest) + 1, len(q)]
-        return [q[a:b] for a, b in itertools.pairwise([0, *ends])]
+        return [q[max(a - 1, 0) : b] for a, b in itertools.pairwise([0, *ends])]
 
     def assert_limits_kept(self, begin: int = 0) -> None:
         """Check that the setpoints from *begin* on keep the default limits."""

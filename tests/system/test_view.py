@@ -172,6 +172,7 @@ def test_a_motion_that_the_device_has_moved_away_from_is_refused(daemon, page):
     page.ask("lease")
     page.await_line("Lease free")
     page.ask("discard")
+    page.until(lambda page: not page.shown, "nothing to discard")
 
 
 def test_pause_speed_and_resume_need_the_lease(daemon, page):
