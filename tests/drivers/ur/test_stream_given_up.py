@@ -199,9 +199,11 @@ def test_robot_without_a_dashboard_has_its_program_ended_when_it_is_played(ur_ho
         stream = Stream(ur_host)
         try:
             stream.run(0.4, rate=1.0)
-            robot.ask("pause")
+            # A safety stop lets no other program take its place.
+            robot.ask("safeguard")
             stream.run(0.3)
             stands = robot.wait_until(lambda s: s["is_still"])["actual_q"]
+            robot.ask("release")
             robot.ask("play")
             stream.run(0.5)
             assert moved(robot, stands) < 0.02
