@@ -89,7 +89,7 @@ class RecorderSettings(Table):
     Attributes:
         directory: folder of the recordings; by default ``orientd/recordings`` in the user's state
             directory.
-        seconds: length of a recording, s; 0 turns the flight recorder off.  It needs 344 bytes of
+        seconds: length of a recording, s; 0 turns the flight recorder off.  It needs 440 bytes of
             memory per cycle: 10 MB for 60 s at 500 Hz.
         keep_files: number of recordings to keep; the oldest are deleted.
         keep_megabytes: total size of the recordings to keep, MB.

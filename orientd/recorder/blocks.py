@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.recorder.columns import AXES, COLUMNS, CYCLES, Table, numbers
+from orientd.recorder.columns import AXES, COLUMNS, Table, numbers, without_numbers
 from orientd.stream import CycleFlag
 
 SCHEMA_NAME = "orientd.v1.CycleBlock"
@@ -32,16 +32,15 @@ def cycles_of(block: Any, size: int) -> Table:  # noqa: ANN401 - decoded by the 
     # Each cycle takes a byte of each column, or more.
     if count > size:
         raise ValueError("more cycles than it has bytes for")
-    table = np.zeros(count, CYCLES)
+    table = without_numbers(count)
     for column in COLUMNS:
         name = column.name
         if not name or name == "feedback_time_ns":
             continue
         content = _content(getattr(block, name, None), count)
         if column.type == AXES:
-            table[name] = np.nan
             table[name][:, : content.shape[1]] = content
-        else:
+        elif name != "planned_q":
             table[name] = content.reshape(table[name].shape)
     names = [_STATES[number] for number in table["state"].tolist()]
     table["state"] = numbers("state", names)

@@ -84,6 +84,8 @@ COLUMNS = (
            "Axis angles; NaN for an axis that the device does not have.", 2.0**-27),
     Column("sent_joints", "sent.joints", AXES, "rad",
            "Axis angles; NaN if the driver sends none.", 2.0**-27),
+    Column("planned_q", "planned.q", QUATERNION, "",
+           "Orientation of the path at path_index and path_fraction; NaN without one.", 2.0**-34),
     Column("", "measured.tracking_error", "float64", "rad",
            "Angle from the orientation sent to the one measured in the same cycle.", 2.0**-27),
 )  # fmt: skip
@@ -96,7 +98,7 @@ FLAGS = {
 }
 """Bits of the record's ``flags``, each a truth value in a recording."""
 
-_GROUPS = {"sent": "orientd/Sent", "measured": "orientd/Measured"}
+_GROUPS = {"planned": "orientd/Planned", "sent": "orientd/Sent", "measured": "orientd/Measured"}
 _ROS = {
     QUATERNION: "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
     VECTOR: "float64 x\nfloat64 y\nfloat64 z\n",
@@ -144,6 +146,14 @@ def from_records(records: bytes | Sequence[bytes]) -> Table:
     """
     packed = records if isinstance(records, bytes) else b"".join(records)
     return np.frombuffer(packed, dtype=CYCLES)
+
+
+def without_numbers(count: int) -> Table:
+    """Return *count* cycles of zeros, with NaN for axis angles and the planned orientation."""
+    table = np.zeros(count, CYCLES)
+    for name in ("measured_joints", "sent_joints", "planned_q"):
+        table[name] = np.nan
+    return table
 
 
 @cache
@@ -204,17 +214,17 @@ class Layout:
         )
 
     def cycles(self, messages: Sequence[bytes]) -> Table:
-        """Return the cycles of messages; a quantity that they lack is zero, NaN for axis angles.
+        """Return the cycles of messages.
+
+        A quantity that they lack is zero, NaN for axis angles and the planned orientation.
 
         Raises:
             ValueError: they are of another layout.
         """
         end = len(_CDR) + self.fixed.itemsize
         fixed = np.frombuffer(b"".join([one[len(_CDR) : end] for one in messages]), self.fixed)
-        table = np.zeros(len(messages), CYCLES)
+        table = without_numbers(len(messages))
         for column in COLUMNS:
-            if column.type == AXES:
-                table[column.name] = np.nan
             if column.name and column.path in (self.fixed.names or ()):
                 content = fixed[column.path]
                 is_q = column.type == QUATERNION

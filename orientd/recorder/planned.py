@@ -1,4 +1,4 @@
-"""Planned orientations of a recording, from the paths of its motions."""
+"""Planned orientations of a recording, and where on the path each cycle was."""
 
 from __future__ import annotations
 
@@ -15,16 +15,18 @@ from orientd.rotation import Floats
 def planned_orientations(recording: Recording, device: str) -> tuple[Floats, Floats]:
     """Return path time and planned orientation of every cycle of *device*.
 
-    An event has samples of the path with angular velocity, and a cubic quaternion segment connects
-    them.  The cycle has the place of the setpoint on it.
+    The servo records the orientation of the path that it follows.  A recording of an earlier
+    version lacks it: the orientation is then interpolated between the samples of the path in the
+    event of the motion, up to 50 a second.
 
     Returns:
-        Path times, s, shape ``(n,)``, and orientations ``(w, x, y, z)``, shape ``(n, 4)``.  Both
-        are NaN if no motion with a known path runs.
+        Path times, s, shape ``(n,)``, NaN without the event of the motion, and orientations
+        ``(w, x, y, z)``, shape ``(n, 4)``, NaN without a path.
     """
     cycles = recording.cycles[device]
     times: Floats = np.full(len(cycles), np.nan)
-    planned: Floats = np.full((len(cycles), 4), np.nan)
+    planned: Floats = cycles["planned_q"].copy()
+    is_recorded = np.isfinite(planned[:, 0])
     period = 1.0 / recording.rate_hz(device)
     for event in recording.events:
         if event.device != device or not event.samples:
@@ -36,7 +38,8 @@ def planned_orientations(recording: Recording, device: str) -> tuple[Floats, Flo
         if len(rows):
             first = _first_index(event, cycles[rows], period)
             times[rows] = _path_times(cycles[rows], first, period)
-            planned[rows] = _path(event, times[rows])
+            earlier = rows[~is_recorded[rows]]
+            planned[earlier] = _path(event, times[earlier])
     return times, planned
 
 

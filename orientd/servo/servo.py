@@ -51,6 +51,7 @@ from orientd.stream import (
     LONGEST_READ_WORD,
     LONGEST_WRITE_WORD,
     NO_JOINTS,
+    NO_Q,
     Answer,
     Command,
     CycleFlag,
@@ -523,6 +524,7 @@ class Servo:
             *measured.position,
             *(measured.joints + NO_JOINTS)[:JOINTS],
             *((point.joints if is_written else ()) + NO_JOINTS)[:JOINTS],
+            *(follower.q if follower.part.number == setpoints.motion else NO_Q),
         )
         ring.append(record)
         self._cycle_count += 1

@@ -18,6 +18,7 @@ from orientd.stream.records import (
     KNOT_FLOATS,
     MOVING,
     NO_JOINTS,
+    NO_Q,
     NOT_GIVEN,
     PATH_FLOATS,
     UNKNOWN,

@@ -73,6 +73,8 @@ class Answer(IntEnum):
 JOINTS = MOST_JOINTS
 """Axes of a device for which a path record and a cycle record have space."""
 NO_JOINTS = (math.nan,) * JOINTS
+NO_Q: Quaternion = (math.nan, math.nan, math.nan, math.nan)
+"""Planned orientation of a cycle that no motion with a path has."""
 
 # index | q(4) omega(3) alpha(3) position(3) velocity(3) joints(8) their velocities(8)
 PATH_FLOATS = 16 + 2 * JOINTS
@@ -81,8 +83,8 @@ PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 # index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
 # state, fault, motion, flags, overruns, missed |
 # path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3),
-# joints(8) sent joints(8)
-CYCLE_RECORD = struct.Struct("@QqqqqQ6I41d")
+# joints(8) sent joints(8), planned q(4)
+CYCLE_RECORD = struct.Struct("@QqqqqQ6I45d")
 
 # index, code, motion, path_index, leave_index, final_index, start_ns | speed, limits
 LIMIT_FLOATS = 15
@@ -293,6 +295,7 @@ class Cycle:
         feedback_position: measured position, m.
         joints: measured axis angles, rad; empty if the device has no axes.
         sent_joints: commanded axis angles, rad; empty if the driver takes none.
+        planned_q: orientation of the motion's path at its place; ``None`` without a path.
     """
 
     index: int
@@ -318,6 +321,7 @@ class Cycle:
     feedback_position: Vector3
     joints: tuple[float, ...] = ()
     sent_joints: tuple[float, ...] = ()
+    planned_q: Quaternion | None = None
 
     @property
     def has_feedback(self) -> bool:
@@ -359,7 +363,8 @@ def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
     f = CYCLE_RECORD.unpack_from(buffer, offset)
     sent = f[14:18], f[18:21], f[21:24], f[24:27]
     measured = f[27:31], f[31:34], f[34:37]
-    joints = f[37 : 37 + JOINTS], f[37 + JOINTS :]
+    joints = f[37 : 37 + JOINTS], f[37 + JOINTS : 37 + 2 * JOINTS]
     angles = (tuple(angle for angle in each if not math.isnan(angle)) for each in joints)
-    fields: list[Any] = [*f[:6], ServoState(f[6]), *f[7:14], *sent, *measured, *angles]
+    planned_q = None if math.isnan(f[-1]) else f[-4:]
+    fields: list[Any] = [*f[:6], ServoState(f[6]), *f[7:14], *sent, *measured, *angles, planned_q]
     return Cycle(*fields)

@@ -10,7 +10,7 @@ import pytest
 from command_line import assert_refused, begin, environment, orientd
 from hand_held import recorded as hand_held
 from hand_held import truth
-from harness import DEVICE, DaemonProcess, spin, until
+from harness import DEVICE, DaemonProcess, nudge, spin, until
 from recorded_facts import configurations, states
 
 from orientd import rotation
@@ -93,7 +93,57 @@ def test_a_recording_has_plan_certificate_request_and_settings(recorded):
     known = np.isfinite(planned[:, 0])
     assert np.count_nonzero(known) >= started.plan.duration * 500
     away = rotation.angle(planned[known], recording.cycles[DEVICE]["sent_q"][known])
-    assert float(away.max()) < 3e-4
+    assert float(away.max()) < 1e-12
+
+
+def test_planned_values_are_those_of_the_plan(daemon, tmp_path):
+    """Through a pause, changes of speed and a motion that replaces the first one."""
+    command = {"lease_token": daemon.token, "device": DEVICE}
+
+    def is_beyond(seconds):
+        until(lambda: daemon.device().path_time > seconds, "motion")
+
+    process = recorder(daemon, tmp_path / "a.mcap")
+    replaced = daemon.move(spin(8.0))
+    wanted = pb.GetPlanRequest(device=DEVICE, sample_rate_hz=500.0)
+    plan = daemon.stub.GetPlan(wanted).plan
+    is_beyond(0.3)
+    daemon.stub.Pause(pb.CommandRequest(**command))
+    until(lambda: daemon.device().cycle.speed == 0.0, "a pause")
+    daemon.stub.Resume(pb.CommandRequest(**command))
+    is_beyond(0.6)
+    daemon.stub.SetSpeed(pb.SetSpeedRequest(speed=0.4, **command))
+    is_beyond(0.9)
+    daemon.stub.SetSpeed(pb.SetSpeedRequest(speed=1.0, **command))
+    *_, last = daemon.move(nudge(0.4))
+    assert last.summary.outcome == pb.OUTCOME_DONE
+    *_, first = replaced
+    assert first.summary.outcome == pb.OUTCOME_REPLACED
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=20)[1] == ""
+    done = orientd("export", tmp_path / "a.mcap", "-o", tmp_path / "a.npz")
+    assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "a.npz") as opened:
+        table = dict(opened)
+    planned, sent = (
+        np.stack([table[f"{group}_q{axis}"] for axis in "wxyz"], axis=1)
+        for group in ("planned", "sent")
+    )
+    on_path = table["motion"] > 0
+    numbers = first.summary.motion_number, last.summary.motion_number
+    assert set(table["motion"][on_path]) == set(numbers)
+    assert np.isnan(planned[~on_path]).all()
+    away = rotation.angle(planned[on_path], sent[on_path])
+    assert float(away.max()) < 1e-12
+    assert max(one.summary.statistics.path_error for one in (first, last)) < 1e-12
+    # Up to the pause, each cycle is at a record of the plan.
+    of_first, speed = table["motion"] == numbers[0], table["speed"]
+    paused = np.flatnonzero(of_first & (speed == 0.0) & (table["path_time_s"] > 0.0))[0]
+    rows = np.flatnonzero((of_first & (speed == 1.0))[:paused])
+    records = np.rint(table["path_time_s"][rows] * 500.0).astype(int)
+    own = np.reshape(plan.samples.q, (-1, 4))[records]
+    assert len(rows) > 100
+    assert float(rotation.angle(planned[rows], own).max()) < 1e-9
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_motion(daemon, tmp_path):

@@ -19,7 +19,7 @@ from orientd.driver import IDENTITY, ZERO, Joints, Vector3
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
 from orientd.servo.path.segment import PathPoint, Segment, point_of
-from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
+from orientd.stream import HEAD, NO_Q, UNKNOWN, RecordRing, ServoLimits
 from orientd.tolerances import NORM_TOLERANCE
 
 FINAL_WORD = 1
@@ -69,6 +69,7 @@ class PathFollower:
     Attributes:
         index: the record at or before the setpoint.
         fraction: distance beyond it, in records, in [0, 1).
+        q: orientation of the path there; NaN before the first motion.
         part: the motion that it belongs to.
         is_at_end: whether this is the last record of all.
         revision: number of changes of the path ahead.
@@ -78,6 +79,7 @@ class PathFollower:
         """Follow *ring*, whose records are *period* seconds of path time apart."""
         self.index = 0
         self.fraction = 0.0
+        self.q = NO_Q
         self.part = PathPart(0, 0, servo_limits)
         self.is_at_end = False
         self.revision = 0
@@ -104,6 +106,7 @@ class PathFollower:
         self._ahead.clear()
         self.index, self.fraction, self.is_at_end = part.first, 0.0, False
         self._load(part.first)
+        self.q = self._point.q
         self._ring.words[TAIL_WORD] = part.first
 
     def splice(self, part: PathPart) -> str:
@@ -224,6 +227,7 @@ class PathFollower:
                 self._segment = Segment(point, end, self._period)
             point = self._segment.at(fraction)
         self.index, self.fraction, self.is_at_end = index, fraction, is_end
+        self.q = point.q
         if part is not self.part:
             self.part = part
             del self._ahead[0]

@@ -29,6 +29,7 @@ def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overrun
 def record_of(one):
     """Return a cycle as the servo packs it."""
     values = [getattr(one, field.name) for field in fields(one)]
+    values = [value for value in values if value is not None]
     flat = [part for value in values for part in (value if isinstance(value, tuple) else (value,))]
     count = len(CYCLE_RECORD.unpack(bytes(CYCLE_RECORD.size)))
     return CYCLE_RECORD.pack(*flat, *(count - len(flat)) * [math.nan])

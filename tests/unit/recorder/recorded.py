@@ -35,6 +35,7 @@ def moving(count, *, first=0, joints=0, noise=1.0, seed=1):
     table["state"], table["motion"], table["speed"] = ServoState.STREAMING, 1, 1.0
     table["flags"] = CycleFlag.FEEDBACK | CycleFlag.WRITTEN
     table["sent_q"], table["sent_omega_body"] = rotation.exp(r), omega
+    table["planned_q"] = table["sent_q"]
     table["sent_alpha_body"] = np.gradient(omega, 1.0 / RATE_HZ, axis=0)
     table["sent_position"] = 0.1 * np.sin(angles)
     table["measured_q"] = rotation.multiply(

@@ -26,10 +26,12 @@ PAIRS = (
     ("measured_q", "feedback_q"),
     ("measured_joints", "joints"),
     ("sent_joints", "sent_joints"),
+    ("planned_q", "planned_q"),
 )
 
 COARSEST = {
-    "sent_q": 1e-10, "sent_omega_body": 1e-8, "sent_alpha_body": 1e-6, "sent_position": 1e-9,
+    "planned_q": 1e-10, "sent_q": 1e-10, "sent_omega_body": 1e-8, "sent_alpha_body": 1e-6,
+    "sent_position": 1e-9,
     "measured_q": 1e-8, "measured_omega_body": 1e-6, "measured_position": 1e-7,
     "measured_joints": 1e-8, "sent_joints": 1e-8, "path_fraction": 1e-9, "speed": 1e-9,
 }  # fmt: skip
@@ -62,7 +64,7 @@ def check(found, table):
 
 
 def test_a_row_is_the_servos_record_byte_for_byte():
-    values = [*range(1, 7), ServoState.IDLE, *range(8, 13), *(0.5 * k for k in range(41))]
+    values = [*range(1, 7), ServoState.IDLE, *range(8, 13), *(0.5 * k for k in range(45))]
     record = CYCLE_RECORD.pack(*values)
     (row,), cycle = from_records(record), unpack_cycle(record)
     assert row["index"] == cycle.index
@@ -94,6 +96,7 @@ def test_a_decoder_of_others_reads_every_quantity_by_its_name():
                 expected = row[f"{group}_{name}"]
                 np.testing.assert_allclose(parts(getattr(told, name)), expected, atol=1e-6)
             np.testing.assert_allclose(told.joints, row[f"{group}_joints"], atol=1e-8)
+        np.testing.assert_allclose(parts(cycle.planned.q), row["planned_q"], atol=1e-10)
         np.testing.assert_allclose(parts(cycle.sent.alpha_body), row["sent_alpha_body"], atol=1e-6)
         error = float(rotation.angle(row["sent_q"], row["measured_q"]))
         assert cycle.measured.tracking_error == pytest.approx(error, abs=1e-8)
@@ -174,6 +177,7 @@ def test_a_schema_of_another_version_is_read_by_its_names():
         text.replace("float64[8] joints\n", "")
         .replace("uint32 missed\n", "")
         .replace("bool is_arriving\n", "")
+        .replace("orientd/Planned planned\n", "")
     )
     added = without.replace("int64 index\n", "int64 index\nfloat64 power_w\n")
     fixed = Layout(added).fixed
@@ -188,6 +192,7 @@ def test_a_schema_of_another_version_is_read_by_its_names():
     assert found["missed"].tolist() == [0, 0]
     assert found["flags"].tolist() == [CycleFlag.WRITTEN] * 2
     assert np.isnan(found["sent_joints"]).all()
+    assert np.isnan(found["planned_q"]).all()
     with pytest.raises(ValueError, match="the unknown type 'lab/Thing' of thing"):
         Layout(f"lab/Thing thing\n{text}")
 
@@ -218,6 +223,6 @@ def test_every_quantity_has_its_meaning_and_unit_in_the_schema():
     fields = [k for k, line in enumerate(lines) if line and line[0] != "#" and " " in line]
     documented = {lines[k] for k in fields if lines[k - 1].startswith("# ")}
     bare = {lines[k] for k in fields} - documented
-    assert {line.split()[0] for line in bare} <= {"orientd/Sent", "orientd/Measured", "float64",
-                                                  "MSG:"}  # fmt: skip
+    groups = {"orientd/Planned", "orientd/Sent", "orientd/Measured"}
+    assert {line.split()[0] for line in bare} <= groups | {"float64", "MSG:"}
     assert "# Angular velocity, body frame, rad/s." in lines

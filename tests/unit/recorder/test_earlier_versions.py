@@ -41,6 +41,7 @@ def test_every_cycle_of_an_earlier_version_is_read(path):
     assert recording.rate_hz("arm") == RATE_HZ
     assert recording.offset_ns == OFFSET_NS
     found = recording.cycles["arm"]
+    table["planned_q"] = np.nan
     if "without" in path.stem:
         table["sent_joints"] = np.nan
     for name in table.dtype.names:

@@ -36,18 +36,31 @@ def started(time_ns, *, number=1, first=FIRST):
 
 @pytest.fixture
 def cycles():
-    """Cycles of which those from BEGUN on are of motion 1, half a record after each record."""
+    """Cycles of an earlier version; from BEGUN on of motion 1, half a record after each record."""
     table = moving(COUNT)
     table["motion"] = np.arange(COUNT) >= BEGUN
     table["path_index"] = FIRST + np.maximum(np.arange(COUNT) - BEGUN, 0)
     table["path_fraction"] = 0.5
     table["sent_q"] = path((table["path_index"] - FIRST + 0.5) / RATE_HZ)
+    table["planned_q"] = np.nan
     return table
 
 
 def recording(cycles, *events):
     facts = {"rates_hz": f"leg=100.0 arm={RATE_HZ!r}"}
     return Recording(cycles={"arm": cycles}, events=list(events), facts=facts)
+
+
+def test_an_orientation_that_the_servo_recorded_is_not_interpolated(cycles):
+    own = rotation.multiply(cycles["sent_q"], rotation.exp([1e-5, 0.0, 0.0]))
+    cycles["planned_q"][BEGUN:] = own[BEGUN:]
+    event = started(int(cycles["deadline_ns"][BEGUN]))
+    times, planned = planned_orientations(recording(cycles, event), "arm")
+    np.testing.assert_array_equal(planned[BEGUN:], own[BEGUN:])
+    assert np.isnan(planned[:BEGUN]).all()
+    assert np.isfinite(times[BEGUN:]).all()
+    _, alone = planned_orientations(recording(cycles), "arm")
+    np.testing.assert_array_equal(alone, planned)
 
 
 @pytest.mark.parametrize("first", [FIRST, None], ids=["told", "found"])

@@ -24,6 +24,7 @@ def cycles():
     table["flags"][20:30] = CycleFlag.WRITTEN
     table["state"][:5], table["fault"][:5] = ServoState.FAULT, Fault.LINK_LOST
     table["overruns"], table["missed"], table["speed"] = np.arange(60), 7, 0.5
+    table["planned_q"][20:30] = np.nan
     return table
 
 

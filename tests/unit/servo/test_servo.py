@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
 
+from orientd import rotation
 from orientd.errors import Fault, LinkError, SpentLinkError
 from orientd.servo.state_table import TRANSITIONS, Event, advance
 from orientd.stream import (
@@ -44,6 +45,36 @@ def test_setpoints_carry_the_planned_velocity_and_acceleration(rig):
     assert cycle.path_fraction == 0.0
     assert cycle.omega_body == tuple(path[1][k])
     assert cycle.alpha_body == tuple(path[2][k])
+
+
+def test_a_cycle_says_where_the_path_is(rig):
+    path = turn()
+    first = rig.start(path)
+    rig.ask(Command.SPEED, speed=0.7)
+    cycle = rig.run(300)
+    assert cycle.path_fraction
+    assert cycle.planned_q == cycle.q
+    k = cycle.path_index - first
+    whole = rotation.angle(path[0][k], path[0][k + 1])
+    assert rotation.angle(path[0][k], cycle.planned_q) == pytest.approx(
+        cycle.path_fraction * whole, rel=1e-2
+    )
+    # Off the path it stays where the path was left.
+    rig.servo.setpoints.leave_path(Fault.INTERNAL, "a reason")
+    gone = rig.run(100)
+    assert (gone.path_index, gone.path_fraction) == (cycle.path_index, cycle.path_fraction)
+    assert gone.planned_q == cycle.q
+    assert rotation.angle(gone.q, gone.planned_q) > 1e-3
+
+
+def test_a_cycle_without_a_path_has_no_place_on_it(rig):
+    rig.ask(Command.ENABLE)
+    assert rig.run(3).planned_q is None
+    rig.start(turn())
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
+    assert rig.run(3).planned_q == rig.cycle.q
+    assert rig.ask(Command.TRACK, motion=2)[0] is Answer.DONE
+    assert rig.run(3).planned_q is None
 
 
 @pytest.mark.parametrize("moment", [5, 150, 500, 700, 900, 995])

@@ -133,7 +133,9 @@ def test_a_cycle_survives_its_bytes():
     state, floats = ServoState.STREAMING, map(float, range(23))
     fields = (5, 100, 7, 8, 50, 9, state, 0, 3, 3, 1, 0, 0.25, 0.5, *floats)
     joints = (0.1, 0.2, 0.3, *NO_JOINTS[3:], 0.4, 0.5, *NO_JOINTS[2:])
-    cycle = unpack_cycle(CYCLE_RECORD.pack(*fields, *joints))
+    planned_q = (0.5, -0.5, 0.5, -0.5)
+    cycle = unpack_cycle(CYCLE_RECORD.pack(*fields, *joints, *planned_q))
+    assert cycle.planned_q == planned_q
     assert (cycle.joints, cycle.sent_joints) == ((0.1, 0.2, 0.3), (0.4, 0.5))
     assert cycle.state is ServoState.STREAMING
     assert cycle.q == (0.0, 1.0, 2.0, 3.0)
