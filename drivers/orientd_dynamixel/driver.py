@@ -23,6 +23,7 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
+    FollowCheck,
     PartHealth,
     Setpoint,
 )
@@ -71,6 +72,7 @@ class DynamixelDriver(Driver):
         self._feedback: Feedback | None = None
         self._closed = f"{self.settings.port} is not open"
         self._standing = Standing(self._servos)
+        self._follow: list[FollowCheck] = []
         self._turns = Turns(self.settings, self._servos)
         self._overwritten: list[str] = []
         self._unknown = ""
@@ -117,6 +119,11 @@ class DynamixelDriver(Driver):
         angles = tuple(servo.angle(servo.goal) for servo in self._servos)
         self._is_enabled, self._is_free = True, False
         self._standing = Standing(self._servos)
+        tolerance, duration = self.settings.follow_tolerance, self.settings.follow_time
+        self._follow = [
+            FollowCheck(str(servo), tolerance=tolerance, duration=duration)
+            for servo in self._servos
+        ]
         self._feedback = Feedback(
             self.clock.now_ns(), self._gimbal.orientation(angles), joints=angles
         )
@@ -327,7 +334,8 @@ class DynamixelDriver(Driver):
         ]
         for place, servo in enumerate(self._servos):
             if is_new and self._is_enabled and place not in group.restarted:
-                problem = complain(servo, group.readings[place], self.settings, group.time_ns)
+                reading, follow = group.readings[place], self._follow[place]
+                problem = complain(servo, reading, follow, group.time_ns)
                 if problem and self._standing.fail(place):
                     problems.append(problem)
         if problems:

@@ -12,6 +12,9 @@
     park_deg = [0, 0, 0]       # move here before the torque goes off
     pointing = true            # two axes: only the direction counts; false: the roll counts too
     max_deviation_deg = 0.0    # allowed deviation from a path near the pole; 0 refuses the path
+    arrival_tolerance_deg = 2.0  # a motion is done when every axis is this close to its end
+    follow_tolerance_deg = 15.0  # it is a fault if an axis is farther from its goal than this ...
+    follow_time = 0.3          # ... for longer than this, s
     turns_file = ""            # file for whole turns; default in the XDG state directory
     overwrite = false          # settings of the servos that may be overwritten: true, or a list
                                # of "homing_offset", "drive_mode" and "operating_mode"

@@ -76,7 +76,6 @@ class Servo:
         turns: whole turns missing in its reading; a servo loses them when it restarts.
         position: its accepted position, in its ticks; ``None`` before it is known.
         seen_ns: time of that position.
-        apart_ns: time since which it has been too far from its goal; 0 if it is not.
         strained: number of readings in a row with a large current.
         firmware: its version, read when the port is opened.
         bears: its limits, read when the port is opened.
@@ -94,7 +93,7 @@ class Servo:
         self.table = options.model.family.table
         self.turns = 0
         self.position: int | None = None
-        self.seen_ns = self.apart_ns = self.strained = 0
+        self.seen_ns = self.strained = 0
         self.per_turn = options.model.ticks
         self.near = self.per_turn // 8
         per_radian = self.per_turn / (2 * math.pi)

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from orientd.driver import PartHealth
+from orientd.driver import FollowCheck, PartHealth
 from orientd_dynamixel.bus import ServoBus, sendable
 from orientd_dynamixel.group import Reading
-from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import PARK_RATE, Servo
 from orientd_dynamixel.tables import VOLT, WATCHDOG_TRIPPED, explain_error
 
@@ -34,7 +33,7 @@ _LONG = 3
 """Readings in a row with a current that large."""
 
 
-def complain(servo: Servo, reading: Reading, options: GimbalOptions, now_ns: int) -> str:
+def complain(servo: Servo, reading: Reading, follow: FollowCheck, now_ns: int) -> str:
     """Return what is wrong with a servo, as read at *now_ns*, or an empty string."""
     if reading.hardware_error:
         return f"{servo} reports {explain_error(reading.hardware_error)}"
@@ -42,17 +41,7 @@ def complain(servo: Servo, reading: Reading, options: GimbalOptions, now_ns: int
         return f"{servo} stopped because nothing was sent for too long"
     if not reading.torque:
         return f"{servo} has lost its torque"
-    apart = abs(servo.angle(reading.position) - servo.angle(servo.goal))
-    if apart <= options.follow_tolerance:
-        servo.apart_ns = 0
-    elif not servo.apart_ns:
-        servo.apart_ns = now_ns
-    elif now_ns - servo.apart_ns > options.follow_time * 1e9:
-        return (
-            f"{servo} does not follow: it is {math.degrees(apart):.1f} deg behind for more than "
-            f"{options.follow_time:g} s; is it jammed or overloaded?"
-        )
-    return ""
+    return follow.problem(servo.angle(servo.goal) - servo.angle(reading.position), now_ns)
 
 
 class Standing:

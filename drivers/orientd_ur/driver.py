@@ -21,12 +21,14 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
+    FollowCheck,
     PartHealth,
     Quaternion,
     Setpoint,
     Vector3,
 )
 from orientd.errors import (
+    AxisFaultError,
     DeviceFaultError,
     FeedbackError,
     LinkError,
@@ -63,6 +65,7 @@ _REASON_TIMEOUT = 0.02
 _SLOW_CALL_NS = 20_000_000
 # The library can hang in any call if it reconnects at the wrong moment.
 _LONGEST_CYCLE = 0.9
+_FOLLOW_TIME = 0.1
 _REACH = 1.0
 """Lever arm, m, that converts an angle of the tool to a distance."""
 _COMPARE_EVERY_NS = 1_000_000_000
@@ -93,6 +96,8 @@ class UrDriver(Driver):
         self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
         self._notices: tuple[str, ...] = ()
+        self._follow: tuple[FollowCheck, ...] = ()
+        self._commanded: Sequence[float] = ()
         self._arm: Arm | None = None
         self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0
@@ -207,6 +212,11 @@ class UrDriver(Driver):
         if self._arm is not None:
             self._arm = self._arm.seen(joints, (q, position))
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
+        tolerance = radians(self._options.follow_tolerance_deg)
+        self._follow = tuple(
+            FollowCheck(f"joint {name}", tolerance=tolerance, duration=_FOLLOW_TIME)
+            for name in JOINT_NAMES
+        )
         self._silence.begin(now_ns)
         return start
 
@@ -229,6 +239,7 @@ class UrDriver(Driver):
                 link's timeout.
             FeedbackError: the controller's clock stood still for the feedback's timeout.
             DeviceFaultError: a stop, a fault, or the end of the control program.
+            AxisFaultError: a joint does not follow the controller's command.
         """
         link, now_ns = self._link, self.clock.now_ns()
         with alarm_after(_LONGEST_CYCLE):
@@ -246,13 +257,15 @@ class UrDriver(Driver):
             if self._is_in_fault:
                 # From now on nothing may feed the watchdog, or remain for a program that is played
                 # again.
-                if link.has_control and not self._is_stale():
+                if link.has_control and not self._is_stale() and self._stands(now_ns):
                     self._program.end(now_ns)
             elif self._is_enabled:
                 if reason := self._reason(now_ns):
                     # The library stops the program itself when it reconnects.
                     link.require_same()
                     raise DeviceFaultError(reason)
+                if is_new:
+                    self._require_following()
             elif (
                 is_new
                 and link.has_control
@@ -422,6 +435,27 @@ class UrDriver(Driver):
                     "be, so enabling would move the arm; find the obstacle or the load, then reset"
                 )
 
+    def _require_following(self) -> None:
+        """Do nothing if every joint is where the controller commands it to be, or was until now.
+
+        Raises:
+            AxisFaultError: a joint is not; raised once, so that the stop has feedback.
+        """
+        measured = self._feedback
+        if not self._follow or measured is None:
+            return
+        found = zip(self._follow, self._commanded, measured.joints, strict=True)
+        problems = [one.problem(wanted - at, measured.time_ns) for one, wanted, at in found]
+        if any(problems):
+            self._follow = ()
+            raise AxisFaultError("; ".join(filter(None, problems)))
+
+    def _stands(self, now_ns: int) -> bool:
+        """Return whether the arm is commanded to be where it is, as far as that is possible."""
+        if not self._is_enabled or self._is_muted or self._feedback is None:
+            return True
+        return self._program.stands(self._feedback.joints, self._tuned, now_ns)
+
     def _reason(self, now_ns: int) -> str:
         """Return why the robot does not follow; its watchdog if it received too little."""
         reason = self._program.reason()
@@ -430,7 +464,7 @@ class UrDriver(Driver):
         return reason
 
     def _measure(self, timestamp: float, now_ns: int) -> Feedback:
-        pose, speed, joints, scaling = self._link.motion()
+        pose, speed, joints, self._commanded, scaling = self._link.motion()
         self._speed_scaling = max(0.0, min(1.0, scaling))
         q, position = pose_of(pose)
         omega = rotate_back(q, (speed[3], speed[4], speed[5]))

@@ -268,13 +268,14 @@ class Link:
             int(receive.getRuntimeState()),
         )
 
-    def motion(self) -> tuple[list[float], list[float], list[float], float]:
-        """Return measured pose, measured speed, joint angles and speed scaling."""
+    def motion(self) -> tuple[list[float], list[float], list[float], list[float], float]:
+        """Return measured pose and speed, measured and commanded joints, and speed scaling."""
         receive = self._receive
         return (
             receive.getActualTCPPose(),
             receive.getActualTCPSpeed(),
             receive.getActualQ(),
+            receive.getTargetQ(),
             receive.getSpeedScaling() * receive.getTargetSpeedFraction(),
         )
 

@@ -47,6 +47,10 @@ A motion may set its own ``lookahead``, ``gain`` and ``servo_time`` in its ``dev
     controller commands, is this close to its end.  If that takes longer than half a second, it is a
     fault (later with a lookahead above 0.1 s or a slow speed slider).  A millimetre of the tool
     counts as a milliradian.
+``follow_tolerance_deg``
+    degrees, 0.5 to 90, default 5: how far a joint may be from where the controller commands it to
+    be at the same moment.  If it is farther for more than 0.1 s, it is a fault.  The command that
+    the controller reports includes its smoothing, so lookahead and speed slider do not matter.
 ``keep_phase``
     whether to shift the deadlines slowly so that the controller's cycle uses every setpoint;
     default true.
@@ -77,6 +81,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "stop_deceleration": (0.1, 40.0, 10.0),
     "unlock_timeout": (0.1, 15.0, 8.0),
     "arrival_tolerance_deg": (0.05, 10.0, 0.5),
+    "follow_tolerance_deg": (0.5, 90.0, 5.0),
     "joint_acceleration_deg": (10.0, 4584.0, degrees(FASTEST_CHANGE)),
 }
 REGISTERS = {"lower": 0, "upper": 24}
@@ -104,6 +109,7 @@ class UrOptions:
     stop_deceleration: float
     unlock_timeout: float
     arrival_tolerance_deg: float
+    follow_tolerance_deg: float
     joint_acceleration_deg: float
     tcp_offset: Vector | None
     payload_mass: float | None

@@ -9,7 +9,8 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from math import radians
 from typing import Any
 
 from orientd.errors import DeviceFaultError, LinkError
@@ -25,6 +26,9 @@ _STOPPING = 1.0
 _JOIN = 2.0
 _ASK_AGAIN_NS = 500_000_000
 _NOTHING = b"def orientd_end():\nend\n"
+_LONGEST_RETURN_NS = 5_000_000_000
+_RETURN_STEP = 0.002
+"""Largest change in a cycle of a command that comes back to a blocked joint, rad."""
 _REDUCED = 2
 """The last of the safety modes in which an arm may be powered up."""
 
@@ -54,7 +58,9 @@ class ControlProgram:
         self.is_free = False
         self.notices: tuple[str, ...] = ()
         self._link, self._options = link, options
-        self._has_ended = self._was_held = self._is_cleared = False
+        self._has_ended = self._was_held = self._is_cleared = self._is_standing = False
+        self._goal: list[float] = []
+        self._stands_by_ns = 0
         self._asked_ns = 0
         self._asking: threading.Thread | None = None
 
@@ -144,8 +150,40 @@ class ControlProgram:
 
     def give_up(self) -> None:
         """Start to end the running program; *play* would continue to its last setpoint."""
-        self._has_ended = self._was_held = self._is_cleared = False
+        self._has_ended = self._was_held = self._is_cleared = self._is_standing = False
+        self._goal = []
         self._asked_ns = 0
+
+    def stands(self, measured: Sequence[float], tuned: UrOptions, now_ns: int) -> bool:
+        """Command the arm to be where it is, a step each cycle; return whether that is done.
+
+        A blocked arm would otherwise move to its last command as soon as it comes free.
+
+        Args:
+            measured: joints, rad.
+            tuned: options with which the arm is servoed.
+            now_ns: time of the cycle.
+
+        Raises:
+            LinkError: the link is lost.
+        """
+        if self._is_standing:
+            return True
+        commanded, _ = self._link.commanded()
+        if not self._goal:
+            self._goal, self._stands_by_ns = list(commanded), now_ns + _LONGEST_RETURN_NS
+        off = max(abs(wanted - at) for wanted, at in zip(commanded, measured, strict=True))
+        is_near = off <= radians(self._options.arrival_tolerance_deg)
+        if is_near or now_ns > self._stands_by_ns or self.reason():
+            self._is_standing = True
+        else:
+            self._goal = [
+                goal + max(-_RETURN_STEP, min(_RETURN_STEP, at - goal))
+                for goal, at in zip(self._goal, measured, strict=True)
+            ]
+            how = 0.0, 0.0, tuned.servo_time, tuned.lookahead, tuned.gain
+            self._is_standing = not self._link.tell("servoJ", self._goal, *how)
+        return self._is_standing
 
     def end(self, now_ns: int) -> None:
         """Take the next step in this cycle to end it.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from orientd.driver.contract import Driver
 from orientd.driver.diagnosing import findings_of, needs
 from orientd.driver.finding import Finding, Verdict
+from orientd.driver.follow_check import FollowCheck
 from orientd.driver.foreign_python import python_command, python_version
 from orientd.driver.options import (
     check_names,
@@ -60,6 +61,7 @@ __all__ = [
     "Explaining",
     "Feedback",
     "Finding",
+    "FollowCheck",
     "Freeable",
     "Healthy",
     "Joints",

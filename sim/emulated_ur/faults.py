@@ -76,6 +76,16 @@ def _joint(word: str) -> int:
     return joint - 1
 
 
+def _block(server: Server, words: Sequence[str]) -> None:
+    joint, *away = words
+    arm, place = server.robot.arm, _joint(joint)
+    arm.blocked[place] = arm.actual_q[place] + (float(away[0]) if away else 0.0)
+
+
+def _unblock(server: Server, words: Sequence[str]) -> None:
+    server.robot.arm.blocked.pop(_joint(words[0]), None)
+
+
 def _limit(server: Server, words: Sequence[str]) -> None:
     server.robot.arm.speed_limits[_joint(words[0])] = float(words[1])
 
@@ -164,10 +174,9 @@ _VERBS: dict[str, tuple[str, Callable[[Server, Sequence[str]], str | None]]] = {
                 lambda server, words: server.send_garbage(*map(int, words))),
     "die": (": end at once, as a process that was killed",
             lambda _server, _words: os.kill(os.getpid(), signal.SIGKILL)),
-    "block": ("JOINT: let joint 1 to 6 be stuck",
-              lambda server, words: server.robot.arm.blocked.add(_joint(words[0]))),
-    "unblock": ("JOINT: free it",
-                lambda server, words: server.robot.arm.blocked.discard(_joint(words[0]))),
+    "block": ("JOINT [ANGLE]: let joint 1 to 6 be stuck, or push it by an angle (rad) first",
+              _block),
+    "unblock": ("JOINT: free it", _unblock),
     "limit": ("JOINT SPEED: lower the speed limit of joint 1 to 6, rad/s", _limit),
     "push": ("Q1 .. Q6 [SECONDS]: move the joints by hand to angles (rad), if the arm gives way",
              _push),

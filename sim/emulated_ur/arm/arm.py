@@ -71,7 +71,7 @@ class Arm:
         target_q, target_qd, target_qdd: commanded joints; rad, rad/s, rad/s^2.
         actual_q, actual_qd: measured joints.
         speed_limits: rad/s for each joint; a test may lower them.
-        blocked: joints that do not move, whatever is commanded, counted from 0.
+        blocked: angles at which joints are held, whatever is commanded, by joint, counted from 0.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Arm:
         self.actual_q: Joints = tuple(q)
         self.actual_qd: Joints = (0.0,) * 6
         self.speed_limits: list[float] = list(model.speeds)
-        self.blocked: set[int] = set()
+        self.blocked: dict[int, float] = {}
         self.mode = Mode.HOLD
         self._goal: Joints = tuple(q)
         self._lookahead = 0.1
@@ -211,9 +211,8 @@ class Arm:
         q: list[float] = []
         qd: list[float] = []
         for joint, (actual, target) in enumerate(zip(self.actual_q, self.target_q, strict=True)):
-            moved = (target - actual) * share if abs(target - actual) > 1e-12 else target - actual
-            if joint in self.blocked:
-                moved = 0.0
+            left = self.blocked.get(joint, target) - actual
+            moved = left * share if abs(left) > 1e-12 else left
             q.append(actual + moved)
             qd.append(moved / TICK)
         self.actual_q, self.actual_qd = tuple(q), tuple(qd)

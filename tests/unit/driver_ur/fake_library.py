@@ -129,7 +129,7 @@ class FakeControl:
             robot.calls.append((name, arguments))
             # Every order but a setpoint leaves the command register clear; an upload leaves it.
             if name != "reuploadScript":
-                robot.command = 24 if name == "servoL" else 0
+                robot.command = {"servoL": 24, "servoJ": 11}.get(name, 0)
             answer = robot.answers.get(name, True)
             if callable(answer):
                 answer = answer()

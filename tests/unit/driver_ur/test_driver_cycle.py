@@ -2,13 +2,20 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
 from fake_library import HOST, JOINTS, FakeRobot
 
 from orientd.driver import Setpoint
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError, SpentLinkError
+from orientd.errors import (
+    AxisFaultError,
+    DeviceFaultError,
+    FeedbackError,
+    LinkError,
+    SpentLinkError,
+)
 from orientd.floats import exp, log, multiply
 from orientd_ur.arm import MODELS
 from orientd_ur.controller import RuntimeState
@@ -441,6 +448,127 @@ def test_freedrive_is_switched_on_and_off_again(robot):
     robot.calls.clear()
     driver.enable()
     assert not robot.called("endTeachMode")
+
+
+# Joints that do not follow
+
+
+def away(robot, angle, *, joint=5):
+    """Hold a joint away from where the controller commands it to be."""
+    robot.joints[joint] = robot.target_joints[joint] + angle
+
+
+def following(driver, *, ms=300):
+    """Run cycles in which the joints may be away."""
+    for _ in range(ms // 2):
+        cycle(driver)
+
+
+@pytest.mark.parametrize("angle", [0.1, -0.1])
+def test_joint_that_stays_away_from_its_command_is_a_fault_once(robot, angle):
+    driver, _ = enabled(robot)
+    away(robot, angle)
+    following(driver, ms=98)
+    words = r"^joint wrist 3 does not follow: it is 5\.7 deg behind for more than 0\.1 s"
+    with pytest.raises(AxisFaultError, match=words):
+        following(driver)
+    # The stop has feedback.
+    robot.joints[5] += 0.01
+    assert cycle(driver).joints[5] == pytest.approx(robot.joints[5])
+    following(driver)
+
+
+def test_joints_that_stay_away_are_all_named(robot):
+    driver, _ = enabled(robot)
+    away(robot, 0.1)
+    away(robot, 0.2, joint=0)
+    with pytest.raises(AxisFaultError, match=r"joint base .* 11\.5 deg .*; joint wrist 3"):
+        following(driver)
+
+
+def test_joint_may_be_as_far_away_as_the_option_says(robot):
+    driver, _ = enabled(robot, follow_tolerance_deg=20)
+    away(robot, 0.34)
+    following(driver)
+    away(robot, 0.36)
+    with pytest.raises(AxisFaultError):
+        following(driver)
+
+
+def test_arm_that_is_guided_by_hand_or_disabled_is_not_judged(robot):
+    driver, _ = enabled(robot)
+    driver.disable()
+    away(robot, 0.5)
+    following(driver)
+    driver.free()
+    following(driver)
+    away(robot, 0.0)
+    driver.enable()
+    following(driver)
+    driver.rest_in_fault()
+    away(robot, 0.5)
+    following(driver)
+
+
+def test_arm_is_judged_again_once_it_is_enabled_again(robot):
+    driver, _ = enabled(robot)
+    for _ in range(2):
+        away(robot, 0.2)
+        with pytest.raises(AxisFaultError):
+            following(driver)
+        away(robot, 0.0)
+        driver.disable()
+        driver.enable()
+
+
+def test_arm_is_commanded_to_be_where_it_is_before_a_fault_ends_the_program(robot):
+    driver, _ = enabled(robot, lookahead=0.05, gain=500)
+    away(robot, -0.1)
+    before = list(robot.target_joints)
+    driver.rest_in_fault()
+    while not robot.called("stopScript"):
+        cycle(driver)
+        if goals := robot.called("servoJ"):
+            robot.target_joints = list(goals[-1][0])
+    steps = robot.called("servoJ")
+    assert {tuple(how) for _, *how in steps} == {(0.0, 0.0, 0.002, 0.05, 500.0)}
+    wrist = [before[5], *(goal[5] for goal, *_ in steps)]
+    assert max(abs(a - b) for a, b in pairwise(wrist)) == pytest.approx(0.002)
+    assert wrist[-1] == pytest.approx(robot.joints[5], abs=math.radians(0.5))
+    assert all(goal[:5] == before[:5] for goal, *_ in steps)
+    assert [name for name, _ in robot.calls[len(steps) :]] == ["servoStop", "stopScript"]
+
+
+def test_program_ends_in_a_fault_although_the_command_does_not_come_back(robot):
+    driver, _ = enabled(robot)
+    away(robot, 0.3)
+    driver.rest_in_fault()
+    following(driver, ms=4_900)
+    assert not robot.called("stopScript")
+    following(driver, ms=200)
+    assert robot.called("stopScript")
+
+
+@pytest.mark.parametrize("modes", [[7, 3, 2], [7, 1, 4], [7, 1, 1], [5, 1, 2]])
+def test_robot_that_is_stopped_is_not_commanded_back_in_a_fault(robot, modes):
+    driver, _ = enabled(robot)
+    away(robot, 0.3)
+    robot.modes = modes
+    driver.rest_in_fault()
+    following(driver)
+    robot.modes = [7, 1, 2]
+    following(driver)
+    assert not robot.called("servoJ")
+
+
+def test_arm_that_was_cut_off_is_not_commanded_back(robot):
+    driver, _ = enabled(robot)
+    away(robot, 0.3)
+    driver.rest_in_fault()
+    driver.disable()
+    following(driver)
+    assert not robot.called("servoJ")
+    assert robot.called("stopScript")
 
 
 # Faults and the way out of them

@@ -56,7 +56,7 @@ def test_defaults_are_those_that_are_documented():
         "joint_acceleration_deg": pytest.approx(2291.8, abs=0.1), "tcp_offset": None,
         "payload_mass": None, "payload_cog": (0.0, 0.0, 0.0), "release_brakes": True,
         "keep_phase": True, "registers": "lower", "check_joints": True,
-        "check_remote_control": True,
+        "check_remote_control": True, "follow_tolerance_deg": 5.0,
     }  # fmt: skip
     assert found.joint_acceleration == pytest.approx(40.0)
 
@@ -67,7 +67,8 @@ def test_defaults_are_those_that_are_documented():
         ("lookahead", 0.03, 0.2), ("gain", 100, 2000), ("servo_time", 0.002, 0.1),
         ("watchdog_hz", 1, 100), ("feedback_timeout", 0.01, 0.5), ("link_timeout", 0.1, 2),
         ("stop_deceleration", 0.1, 40), ("unlock_timeout", 0.1, 15), ("payload_mass", 0, 50),
-        ("arrival_tolerance_deg", 0.05, 10), ("joint_acceleration_deg", 10, 4584),
+        ("arrival_tolerance_deg", 0.05, 10), ("follow_tolerance_deg", 0.5, 90),
+        ("joint_acceleration_deg", 10, 4584),
     ],
 )  # fmt: skip
 def test_option_is_allowed_from_its_least_to_its_largest(name, least, most):
