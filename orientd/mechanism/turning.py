@@ -7,6 +7,7 @@ leaves it.  The pole needs no special treatment.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from math import degrees
 
 import numpy as np
@@ -26,31 +27,98 @@ from orientd.mechanism.joint_path import (
 )
 from orientd.mechanism.mechanism import inside
 from orientd.mechanism.slews import straight
-from orientd.rotation import conjugate, rotate
+from orientd.rotation import Floats, conjugate, exp, rotate
 
 _TURN = 2 * math.pi
+_ALONG = 1e-9
+"""Largest difference of a cosine from 1 at which an axis is along the pointing axis."""
+_PARALLEL = 1e-12
+"""Square of the sine of the angle below which two vectors are parallel."""
 
 
-def pointed(gimbal: Gimbal, direction: Vector3, axis: str) -> Quaternion | None:
-    """Return the orientation that points in a direction, with the innermost of three axes at zero.
+def pointed(gimbal: Gimbal, direction: Vector3, axis: str, near: Joints) -> Joints | None:
+    """Return axis angles within the limits that point an axis of the tool in a direction.
+
+    The roll axis of three axes stays as close to home as the direction allows.  It is the axis
+    along the pointing axis of the tool at home; if none is, the innermost axis.
 
     Args:
         gimbal: the gimbal.
         direction: in the world.
         axis: of the tool, ``x``, ``y`` or ``z``.
+        near: current axis angles, rad; of several solutions the nearest one counts.
 
     Returns:
-        ``None`` for two axes, or if the innermost axis is not the pointing one.
+        ``None`` if no axis angles within the limits point there.
     """
-    k = gimbal.kinematics
-    points = rotate(np.array(k.tool), np.eye(3)["xyz".index(axis)])
-    if len(gimbal.axes) == 2 or points[k.inner_axis] < 1.0 - 1e-9:
-        return None
-    matrix = np.zeros((3, 3))
-    matrix[:, k.inner_axis] = rotate(conjugate(np.array(k.mount)), direction)
-    nine = matrix.ravel().tolist()
-    outer, _ = k.pointing(nine)
-    return gimbal.orientation((outer, k.inner(nine, outer)[0][0], 0.0))
+    kinematics, home = gimbal.kinematics, gimbal.home()
+    points = rotate(np.array(kinematics.tool), np.eye(3)["xyz".index(axis)])
+    aim = rotate(conjugate(np.array(kinematics.mount)), direction)
+    axes = np.eye(3)[list(kinematics.axes)]
+    if len(axes) == 2:
+        pairs = _pointing(axes[0], axes[1], points, aim, near)
+        return _nearest(gimbal, pairs, near)
+    along = np.abs(axes @ points)
+    roll = int(np.flatnonzero(along > 1.0 - _ALONG)[-1]) if along.max() > 1.0 - _ALONG else 2
+    low, high = gimbal.axes[roll].low, gimbal.axes[roll].high
+    steps = home[roll] + np.radians(np.arange(-180.0, 181.0))
+    rolls = np.concatenate([steps[(steps > low) & (steps < high)], [low, high]])
+    outer, inner = (place for place in range(3) if place != roll)
+    others = (near[outer], near[inner])
+    for angle in sorted(rolls.tolist(), key=lambda one: abs(one - home[roll])):
+        # The roll turns the tool, and the axes inside of it.
+        turn = exp(angle * axes[roll])
+        one, two = (rotate(turn, axes[m]) if m > roll else axes[m] for m in (outer, inner))
+        pairs = _pointing(one, two, rotate(turn, points), aim, others)
+        found = _nearest(gimbal, [(*p[:roll], angle, *p[roll:]) for p in pairs], near)
+        if found is not None:
+            return found
+    return None
+
+
+def _pointing(
+    outer: Floats, inner: Floats, points: Floats, aim: Floats, near: Joints
+) -> list[Joints]:
+    """Return the angles about two axes that turn one unit vector into another, rad.
+
+    The inner turn takes *points* to a vector that the outer turn takes to *aim*: two vectors are at
+    the right angles to both axes.
+
+    Args:
+        outer: the outer axis.
+        inner: the inner axis.
+        points: the vector to turn.
+        aim: the vector to turn it to.
+        near: angles to keep if any angle will do.
+    """
+    cosine, across = float(outer @ inner), np.cross(outer, inner)
+    square = float(across @ across)
+    if square < _PARALLEL:
+        return []
+    a = (float(outer @ aim) - cosine * float(inner @ points)) / square
+    b = (float(inner @ points) - cosine * float(outer @ aim)) / square
+    rest = (1.0 - a * a - b * b - 2.0 * a * b * cosine) / square
+    if rest < -_PARALLEL:
+        return []
+    aside = math.sqrt(max(rest, 0.0))
+    between = [a * outer + b * inner + sign * aside * across for sign in (1.0, -1.0)]
+    return [
+        (_turned(outer, one, aim, near[0]), _turned(inner, points, one, near[1])) for one in between
+    ]
+
+
+def _turned(axis: Floats, begin: Floats, end: Floats, near: float) -> float:
+    """Return the turn about *axis* from one vector to another, rad; *near* if both are along it."""
+    sine = float(axis @ np.cross(begin, end))
+    cosine = float(begin @ end) - float(axis @ begin) * float(axis @ end)
+    return math.atan2(sine, cosine) if math.hypot(sine, cosine) > _PARALLEL else near
+
+
+def _nearest(gimbal: Gimbal, branches: Iterable[Joints], near: Joints) -> Joints | None:
+    """Return the axis angles within the limits that are nearest to *near*, rad."""
+    found = [inside(gimbal.axes, branch, near) for branch in branches]
+    within = [one for one in found if one is not None]
+    return min(within, key=lambda one: _travel(near, one), default=None)
 
 
 def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:

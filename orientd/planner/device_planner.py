@@ -265,7 +265,7 @@ def _fitted(fitting: Fitting, request: MotionRequest) -> Motion:
     try:
         return fitting.plan(request)
     except LimitError as error:
-        other = _with_roll_of_axes(request, fitting.mechanism)
+        other = _with_roll_of_axes(request, fitting)
         if other is None or error.kind is not LimitKind.RANGE:
             raise
         return fitting.plan(other)
@@ -277,17 +277,19 @@ def _check_home(mechanism: Mechanism | None) -> None:
         raise ValueError("only a gimbal has a home, where its axes are at zero; got 'home' = true")
 
 
-def _with_roll_of_axes(request: MotionRequest, mechanism: Mechanism) -> MotionRequest | None:
+def _with_roll_of_axes(request: MotionRequest, fitting: Fitting) -> MotionRequest | None:
     """Return *request* with a free roll replaced by the one that a gimbal's axes give it."""
-    if not isinstance(mechanism, Gimbal):
+    mechanism = fitting.mechanism
+    if not isinstance(mechanism, Gimbal) or mechanism.is_pointing:
         return None
-    keyframes = []
+    keyframes, joints = [], fitting.joints or mechanism.home()
     for keyframe in request.keyframes:
         if keyframe.free_roll:
             x, y, z = rotate(np.array(keyframe.q), np.eye(3)[0]).tolist()
-            q = pointed(mechanism, (x, y, z), request.pointing_axis)
-            if q is None:
+            found = pointed(mechanism, (x, y, z), request.pointing_axis, joints)
+            if found is None:
                 return None
-            keyframe = replace(keyframe, q=q, free_roll=False)
+            keyframe = replace(keyframe, q=mechanism.orientation(found), free_roll=False)
+            joints = found
         keyframes.append(keyframe)
     return None if keyframes == request.keyframes else replace(request, keyframes=keyframes)
