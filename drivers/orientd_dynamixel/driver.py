@@ -174,7 +174,8 @@ class DynamixelDriver(Driver):
             servo.check_angle(angle)
         # Axes that stand keep their own goals.
         for place, (servo, angle) in enumerate(zip(self._servos, setpoint.joints, strict=True)):
-            servo.goal = self._standing.goals.get(place, servo.ticks(angle))
+            within = min(max(angle, servo.options.low), servo.options.high)
+            servo.goal = self._standing.goals.get(place, servo.ticks(within))
         group.bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
         group.ask(self.clock.now_ns())
 

@@ -86,6 +86,11 @@ class AxisOptions:
     acceleration: float
     current_limit: float | None
 
+    @property
+    def resolution(self) -> float:
+        """The angle of one tick, rad."""
+        return 2.0 * math.pi / (self.model.ticks * self.gear)
+
 
 @dataclass(frozen=True, slots=True)
 class GimbalOptions:
@@ -117,7 +122,14 @@ class GimbalOptions:
     def gimbal(self) -> Gimbal:
         """Return the gimbal that the servos form."""
         limits = [
-            AxisLimits(axis.name, axis.low, axis.high, axis.velocity, axis.acceleration)
+            AxisLimits(
+                axis.name,
+                axis.low,
+                axis.high,
+                axis.velocity,
+                axis.acceleration,
+                resolution=axis.resolution,
+            )
             for axis in self.axes
         ]
         return Gimbal(

@@ -383,7 +383,8 @@ class Servo:
     def check_angle(self, angle: float) -> None:
         """Refuse an angle, rad, outside the limits of the axis, by more than the servo's play."""
         options = self.options
-        if not options.low - _ANGLE_SLACK <= angle <= options.high + _ANGLE_SLACK:
+        slack = max(_ANGLE_SLACK, options.resolution)
+        if not options.low - slack <= angle <= options.high + slack:
             raise DeviceFaultError(
                 f"{options.name} would be at {math.degrees(angle):.2f} deg, allowed are "
                 f"{math.degrees(options.low):.2f} to {math.degrees(options.high):.2f} deg"

@@ -41,6 +41,8 @@ class AxisLimits(NamedTuple):
         velocity: rad/s.
         acceleration: rad/s^2; infinite if nothing limits it.
         jerk: rad/s^3; infinite if nothing limits it.
+        resolution: least angle that the device can turn by, rad.  A path may pass the ends of the
+            range by less than that; the driver then stays at the end.
     """
 
     name: str
@@ -49,6 +51,7 @@ class AxisLimits(NamedTuple):
     velocity: float
     acceleration: float = inf
     jerk: float = inf
+    resolution: float = 1e-9
 
 
 class Setpoint(NamedTuple):

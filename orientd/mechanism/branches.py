@@ -18,7 +18,6 @@ import numpy as np
 from orientd.driver import AxisLimits
 from orientd.mechanism.arrays import wrapped
 from orientd.mechanism.joint_path import Bounds
-from orientd.mechanism.mechanism import EDGE
 from orientd.mechanism.pole import Passage
 from orientd.mechanism.slews import slew_times
 from orientd.rotation import Floats
@@ -64,7 +63,7 @@ def candidates(
     Returns:
         Angles in rad, shape ``(n, count, axes)``, padded with NaN.
     """
-    low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in axes]).T
+    low, high = _ranges(axes)
     begun = np.clip(np.zeros(len(axes)) if start is None else start, low, high)
     lines = _followed(principal, begun)
     options = []
@@ -130,7 +129,7 @@ def continued(principal: Floats, bounds: Bounds, start: Floats) -> Choice:
         bounds: limits of the plan.
         start: axis angles before the path, shape ``(axes,)``.
     """
-    low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in bounds.axes]).T
+    low, high = _ranges(bounds.axes)
     best = Choice(np.full_like(principal[:, 0], np.nan), (), (), 0)
     for branch in (0, 1):
         angles = np.unwrap(principal[:, branch], axis=0)
@@ -220,7 +219,7 @@ def _offer(
     via: dict[tuple[int, int], tuple[int, int, Passage]],
 ) -> None:
     """Add *passage* wherever it connects two candidates within the limits."""
-    low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in bounds.axes]).T
+    low, high = _ranges(bounds.axes)
     for origin in np.nonzero(np.isfinite(before))[0]:
         shift = every[passage.first, origin] - passage.joints[0]
         if np.max(np.abs(np.exp(1j * shift) - 1)) > _MATCH:
@@ -237,6 +236,12 @@ def _offer(
         if price < cost[goal]:
             cost[goal] = price
             via[passage.last, goal] = (passage.first, int(origin), passage)
+
+
+def _ranges(axes: Sequence[AxisLimits]) -> tuple[Floats, Floats]:
+    """Return the least and the largest angles of *axes* on a path, rad, both ``(axes,)``."""
+    low, high, edge = np.array([(axis.low, axis.high, axis.resolution) for axis in axes]).T
+    return low - edge, high + edge
 
 
 def _trace(

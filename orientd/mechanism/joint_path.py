@@ -16,7 +16,6 @@ import numpy as np
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
 from orientd.mechanism.figure import Figure, Loss
-from orientd.mechanism.mechanism import EDGE
 from orientd.rotation import Floats, conjugate, log, multiply
 
 _SLACK = 1.0 + 1e-3
@@ -219,7 +218,7 @@ def refuse_range(
 ) -> None:
     """Raise :class:`.LimitError` for the first axis that is outside its range at *time*."""
     for value, axis in zip(joints, axes, strict=True):
-        if not axis.low - EDGE <= value <= axis.high + EDGE:
+        if not axis.low - axis.resolution <= value <= axis.high + axis.resolution:
             raise out_of_range(axis, value, time, advice)
 
 

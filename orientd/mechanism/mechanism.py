@@ -13,9 +13,6 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
 
-EDGE = 1e-9
-"""Tolerance of an axis at the end of its range, rad."""
-
 
 class Reserve(NamedTuple):
     """Distance of the axes from one of their singularities.
@@ -220,7 +217,8 @@ def inside(axes: Sequence[AxisLimits], joints: Joints, near: Joints) -> Joints |
     """
     found = []
     for axis, angle, aim in zip(axes, joints, near, strict=True):
-        least, most = ceil((axis.low - EDGE - angle) / tau), floor((axis.high + EDGE - angle) / tau)
+        low, high = axis.low - axis.resolution, axis.high + axis.resolution
+        least, most = ceil((low - angle) / tau), floor((high - angle) / tau)
         if least > most:
             return None
         turned = angle + tau * min(max(round((aim - angle) / tau), least), most)
