@@ -56,17 +56,21 @@ class Passes:
         self._served, self._north, self._notify = served, north, notify
         self.targets = targets
         self._pass: Pass | None = None
+        self._otherwise: Callable[[], None] = lambda: None
         self._motion: MoveHandle | None = None
         self._begun = 0.0
         self._planning: threading.Thread | None = None
         self._refused: set[tuple[str, int]] = set()
 
-    def takes(self, point: Floats) -> bool:
+    def takes(self, point: Floats, otherwise: Callable[[], None]) -> bool:
         """Return whether a position belongs to a pass, which is then planned and followed.
 
         Args:
             point: unit vector of the position: x to the north, y to the west, z up.
+            otherwise: points at the position; called with the lock of the device if the pass
+                cannot be planned.
         """
+        self._otherwise = otherwise
         now = time.time()
         current = self._pass
         if current is not None and now < current.end:
@@ -130,7 +134,21 @@ class Passes:
             # Before the rise nothing is lost if the next position has it planned again.
             if not isinstance(error, DeadlineError) or time.time() > wanted.start:
                 self._refused.add(_key(wanted))
-            self._notify(f"{name}: no plan of the whole pass: {error}")
+            self._point_instead(wanted, f"{name}: no plan of the whole pass: {error}")
+
+    def _point_instead(self, wanted: Pass, problem: str) -> None:
+        """Point at the newest position that was asked for, unless the pass has been left."""
+        with self._served.lock:
+            if self._pass is not wanted:
+                return
+            self._notify(f"{problem}; points at the position that was asked for instead")
+            try:
+                self._otherwise()
+            except OrientdError as error:
+                self._notify(f"{wanted.target.name}: the position was refused too: {error}")
+            if self._pass is not wanted:
+                self._served.rest()  # a stop came while the daemon took the motion
+            self._pass = None
 
     def _begin(self, wanted: Pass) -> None:
         start = max(wanted.start, time.time() + _PLANNING + _MARGIN)
@@ -147,7 +165,9 @@ class Passes:
             if self._pass is not wanted:
                 return
             if begin > now + _LEAST:
-                lost = sum(one.end - one.start for one in plan.certificate.losses)
+                # What passes before the path begins is lost too.
+                lost = start - wanted.start
+                lost += sum(one.end - one.start for one in plan.certificate.losses)
                 with self._served.lock:
                     if self._pass is not wanted:
                         return

@@ -99,7 +99,7 @@ class Pointer:
         Raises:
             OrientdError: the daemon refuses it.
         """
-        if self._passes.takes(vector(wanted)):
+        if self._passes.takes(vector(wanted), lambda: self._move(wanted)):
             self._begin()
             self.asked = wanted
             return

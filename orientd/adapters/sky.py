@@ -37,6 +37,8 @@ _EXACT = 1e-3
 _FINE = 0.2
 _STRIDE, _PAUSE = math.radians(3.0), 20.0
 """Largest angle, rad, and longest time, s, from one row of a pass to the next."""
+_GAP = 10.0
+"""Time between two rows of a table, in the usual times between them, that ends a pass."""
 _UNIX_EPOCH = 2440587.5
 _EARTH, _FLATTENING = 6378.137, 1.0 / 298.257223563
 """WGS 84: equatorial radius, km."""
@@ -111,27 +113,27 @@ def find_pass(targets: Sequence[Target], now: float, point: Floats) -> Pass | No
     passes = [
         Pass(target, start, _end(target, start))
         for target in targets
-        for start in _starts(target, now, point)
+        if (start := _start(target, now, point)) is not None
     ]
     return min(passes, key=lambda one: math.dist(one.point(now), point), default=None)
 
 
-def _starts(target: Target, now: float, point: Floats) -> Iterator[float]:
-    """Yield when the passes begin that a position means: now, or at a rise."""
+def _start(target: Target, now: float, point: Floats) -> float | None:
+    """Return when the next pass begins that a position means: now, or at a rise."""
     heights = target.at(now + np.arange(0.0, _AHEAD + _STEP, _STEP))[:, 2]
     soon = heights[: math.ceil(_EARLY / _STEP) + 1] > 0.0
     if soon.any() and _is_near(target, now, point, _SIGHT):
         row = int(np.argmax(soon))
-        yield _change(target, now + (row - 1) * _STEP, 0.0) if row else now
-        return
+        return _change(target, now + (row - 1) * _STEP, 0.0) if row else now
     mask = max(float(point[2]), 0.0)
     if mask > math.sin(_HIGHEST_MASK):
-        return
+        return None
     is_above = heights > mask
     for row in np.flatnonzero(~is_above[:-1] & is_above[1:]).tolist():
         rise = _change(target, now + row * _STEP, mask)
         if math.dist(target.at(np.array([rise]))[0], point) < _SIGHT:
-            yield rise
+            return rise
+    return None
 
 
 def _is_near(target: Target, now: float, point: Floats, sight: float) -> bool:
@@ -204,6 +206,8 @@ def from_elements(path: Path, observer: tuple[float, float, float]) -> list[Targ
 def from_table(path: Path) -> list[Target]:
     """Return the target of a table with the columns time, azimuth and elevation.
 
+    In a gap of the table, as between two passes, its place is not known.
+
     Args:
         path: a CSV file; times are Unix time in s, or ISO 8601 (UTC without a zone).
 
@@ -218,6 +222,11 @@ def from_table(path: Path) -> list[Target]:
         raise OrientdError(f"{path}: two rows have the same time")
     east, up = np.radians(azimuth), np.radians(elevation)
     points = np.column_stack([np.cos(up) * np.cos(east), -np.cos(up) * np.sin(east), np.sin(up)])
+
+    spacing = np.diff(times)
+    gaps = np.flatnonzero(spacing > _GAP * np.median(spacing))
+    times = np.insert(times, gaps + 1, times[gaps] + 0.5 * spacing[gaps])
+    points = np.insert(points, gaps + 1, np.nan, axis=0)
 
     def at(when: Floats) -> Floats:
         found = np.column_stack(

@@ -151,7 +151,7 @@ def rotctld(
         Path | None,
         Option(
             "--ephemeris",
-            help="CSV file of one pass, to plan it as a whole: time, azimuth, elevation.",
+            help="CSV file of passes of a target, to plan them whole: time, azimuth, elevation.",
         ),
     ] = None,
 ) -> None:

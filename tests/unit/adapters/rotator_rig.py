@@ -100,7 +100,7 @@ class Rotator:
         Returns:
             Angles from the target, rad, shape ``(n,)``, and joints, degrees, shape ``(n, 2)``.
         """
-        passes = SimpleNamespace(takes=lambda _: False, leave=lambda: None)
+        passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
         pointer = Pointer(self, passes, north=0.0, tips=tips)
         every = round(1.0 / PERIOD)
         q, joints = [], []

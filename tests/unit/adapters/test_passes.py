@@ -1,5 +1,6 @@
 """When the pass of a known target is planned once more."""
 
+import math
 import threading
 import time
 from types import SimpleNamespace
@@ -8,20 +9,34 @@ import numpy as np
 import pytest
 
 from orientd.adapters.passes import Passes
+from orientd.adapters.pointer import Pointer
+from orientd.adapters.pointing import Direction
 from orientd.adapters.sky import Target
 from orientd.errors import DeadlineError, PlanError
+from orientd.protocol import control_pb2 as pb
 
 POINT = np.array([1.0, 0.0, 0.0])
 
 
+def nothing():
+    """Point nowhere instead of along a pass."""
+
+
 class Refusing:
-    """A device whose daemon plans nothing."""
+    """A device at rest, whose daemon plans no pass."""
 
     name = "antenna"
 
     def __init__(self, error):
         self.asked, self.robot, self._error = 0, self, error
-        self.lock, self.rests = threading.RLock(), 0
+        self.lock, self.rests, self.goals = threading.RLock(), 0, []
+
+    def report(self):
+        return SimpleNamespace(cycle=SimpleNamespace(q=pb.Quaternion(w=1.0)))
+
+    def move(self, poses, **_):
+        self.goals += poses
+        return SimpleNamespace(is_done=False)
 
     def rest(self):
         self.rests += 1
@@ -43,7 +58,7 @@ def asked_twice(error, rise):
     served = Refusing(error)
     passes = Passes(served, [Target("one", at)], north=0.0, notify=lambda _: None)
     for _ in range(2):
-        passes.takes(POINT)
+        passes.takes(POINT, nothing)
         planning = passes._planning
         if planning is not None:
             planning.join()
@@ -60,6 +75,45 @@ def asked_twice(error, rise):
 )
 def test_a_plan_that_took_too_long_is_tried_again_before_the_rise_only(error, rise, count):
     assert asked_twice(error, rise) == count
+
+
+def pointer_of(served, rise, notify=lambda _: None):
+    """Return the pointer of a device, and the passes of a target that rises in the north."""
+    begin = time.time() + rise
+
+    def at(times):
+        height = 0.01 * (np.asarray(times) - begin)
+        height[times > begin + 100.0] = -0.1
+        return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
+
+    passes = Passes(served, [Target("one", at)], north=0.0, notify=notify)
+    return Pointer(served, passes, north=0.0, tips=False), passes
+
+
+def test_a_position_is_pointed_at_if_its_pass_cannot_be_planned():
+    """It is moved to once, however often it is asked for."""
+    served, lines = Refusing(PlanError("the axes cannot follow")), []
+    pointer, passes = pointer_of(served, 50.0, lines.append)
+    for _ in range(3):
+        with served.lock:
+            pointer.go(Direction(0.5, 0.0))
+        passes._planning.join()
+    (goal,) = served.goals
+    assert math.degrees(2.0 * math.atan2(goal.z, goal.w)) == pytest.approx(-0.5)
+    assert lines == [
+        "one: no plan of the whole pass: the axes cannot follow; points at the position that was "
+        "asked for instead"
+    ]
+
+
+def test_a_stop_while_a_pass_is_refused_moves_nothing():
+    served = Refusing(PlanError("the axes cannot follow"))
+    pointer, passes = pointer_of(served, 50.0)
+    with served.lock:
+        pointer.go(Direction(0.5, 0.0))
+        passes.leave()
+    passes._planning.join()
+    assert served.goals == []
 
 
 class Planning(Refusing):
@@ -79,6 +133,7 @@ class Planning(Refusing):
         return SimpleNamespace(start_time=0.0, certificate=SimpleNamespace(losses=()))
 
     def begin(self, plan, begin):
+        self.start = begin
         self.on_begin()
         return self
 
@@ -92,13 +147,7 @@ class Planning(Refusing):
 
 
 def passes_of(served):
-    rise = time.time() + 400.0
-
-    def at(times):
-        height = 0.01 * (np.asarray(times) - rise)
-        return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
-
-    return Passes(served, [Target("one", at)], north=0.0, notify=lambda _: None)
+    return pointer_of(served, 400.0)[1]
 
 
 def test_a_pass_that_is_left_while_the_daemon_takes_its_motion_does_not_begin():
@@ -107,7 +156,7 @@ def test_a_pass_that_is_left_while_the_daemon_takes_its_motion_does_not_begin():
     served = Planning(gate)
     passes = passes_of(served)
     served.on_begin = passes.leave
-    assert passes.takes(POINT)
+    assert passes.takes(POINT, nothing)
     passes._planning.join()
     assert served.cancelled == 1
 
@@ -117,10 +166,10 @@ def test_the_end_waits_for_every_plan_that_is_made():
     first, second = threading.Event(), threading.Event()
     served = Planning(first, second)
     passes = passes_of(served)
-    assert passes.takes(POINT)
+    assert passes.takes(POINT, nothing)
     before = passes._planning
     passes.leave()
-    assert passes.takes(POINT)
+    assert passes.takes(POINT, nothing)
     first.set()
     before.join()
     passes.close()
@@ -133,7 +182,7 @@ def test_a_pass_that_is_left_before_its_plan_brings_nothing_to_rest():
     served = Planning(threading.Event())
     passes = passes_of(served)
     with served.lock:
-        assert passes.takes(POINT)
+        assert passes.takes(POINT, nothing)
         planning = passes._planning
         passes.leave()
     planning.join()
@@ -145,9 +194,24 @@ def test_a_pass_that_is_left_while_it_is_planned_does_not_begin():
     served = Planning(gate)
     served.on_begin = lambda: begun.append(True)
     passes = passes_of(served)
-    assert passes.takes(POINT)
+    assert passes.takes(POINT, nothing)
     with served.lock:
         gate.set()
         passes.leave()
     passes._planning.join()
     assert not begun
+
+
+@pytest.mark.parametrize(("rise", "least"), [(60.0, 0.0), (1.0, 2.0), (-5.0, 3.0)])
+def test_what_a_pass_loses_counts_from_what_was_asked(rise, least):
+    """A plan begins in three seconds: until then a target that has risen is lost."""
+    gate, lines = threading.Event(), []
+    gate.set()
+    served = Planning(gate)
+    pointer, passes = pointer_of(served, rise, lines.append)
+    pointer.go(Direction(0.0, max(0.0, math.degrees(-0.01 * rise))))
+    passes._planning.join()
+    (line,) = lines
+    lost = served.start - passes._pass.start
+    assert lost >= least
+    assert f"off target for {lost:.1f} s" in line

@@ -36,7 +36,7 @@ class Device:
 @pytest.mark.parametrize("short", [0.001, 0.03, 5.0])
 def test_a_position_is_reached_again_after_a_stop_shortly_before_it(short):
     device = Device()
-    passes = SimpleNamespace(takes=lambda _: False, leave=lambda: None)
+    passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
     pointer = Pointer(device, passes, north=0.0, tips=False)
     pointer.go(Direction(40.0, 20.0))
     pointer.go(Direction(40.0, 20.0))

@@ -108,6 +108,22 @@ def test_the_next_rise_of_a_target_that_is_up_can_be_asked_for(tmp_path):
     assert following.end == pytest.approx(NOW + 90.0, abs=0.005)
 
 
+def test_two_passes_of_a_table_are_two(tmp_path):
+    """A file with rows above the horizon alone: the target is nowhere between its passes."""
+    since = np.arange(0.05, 30.0, 0.5)
+    times = np.concatenate([NOW + 60.0 + since, NOW + 125.0 + since])
+    targets = table_of(tmp_path, times, np.tile(great_circle(since, 6.0), (2, 1)))
+    rise = great_circle(0.0, 6.0)
+    first, second = find_pass(targets, NOW, rise), find_pass(targets, NOW + 100.0, rise)
+    assert first is not None
+    assert second is not None
+    assert (first.start - NOW, first.end - NOW) == pytest.approx((60.05, 89.55), abs=0.01)
+    assert (second.start - NOW, second.end - NOW) == pytest.approx((125.05, 154.55), abs=0.01)
+    (target,) = targets
+    places = target.at(np.array([times[0], times[59], times[59] + 1.0, times[60] - 1.0, times[60]]))
+    assert np.isnan(places).any(axis=1).tolist() == [False, False, True, True, False]
+
+
 @pytest.mark.parametrize("late", [-0.4, 0.0, 4.0])
 def test_a_quick_pass_is_still_meant_by_a_position_that_comes_early_or_late(tmp_path, late):
     found = find_pass(quick_pass(tmp_path, 30.0, 20.0), NOW, great_circle(0.0, 20.0))
