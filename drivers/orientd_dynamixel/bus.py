@@ -211,10 +211,11 @@ class ServoBus:
             self._port.setPacketTimeoutMillis(wait_ms)
             if is_fast:
                 packet, result = self._receive()
-                if result == 0:
-                    return _fast_blocks(packet, rows), None
-                return [], _first_missing(packet, rows)
-            blocks: list[Block] = []
+                if result != 0:
+                    return [], _first_missing(packet, rows)
+                blocks = self._fast_blocks(packet, rows)
+                return blocks, None if len(blocks) in {0, len(rows)} else rows[len(blocks)].id
+            blocks = []
             start = self._port.getCurrentTime()
             for servo, _, count in rows:
                 packet, result = self._receive()
@@ -227,6 +228,27 @@ class ServoBus:
                 spent = self._port.getCurrentTime() - start
                 self._port.setPacketTimeoutMillis(max(0.0, wait_ms - spent))
             return blocks, None if len(blocks) == len(rows) else rows[len(blocks)].id
+
+    def _fast_blocks(self, packet: Sequence[int], rows: Sequence[Row]) -> list[Block]:
+        """Split the one answer to a fast read, up to the first servo whose CRC is wrong.
+
+        The CRC of each servo is over everything before it.  A later servo may have heard the same
+        damage, so that its own CRC agrees.
+        """
+        blocks: list[Block] = []
+        at, crc = 8, self._handler.updateCRC(0, packet, 8)
+        if packet[4] != _BROADCAST or len(packet) != 8 + sum(row.size + 4 for row in rows):
+            return blocks
+        for servo, _, count in rows:
+            if packet[at + 1] != servo:
+                return []
+            part, tail = packet[at : at + 2 + count], packet[at + 2 + count : at + 4 + count]
+            crc = self._handler.updateCRC(crc, part, len(part))
+            if list(tail) != [crc & 0xFF, crc >> 8]:
+                break
+            blocks.append(Block(servo, part[0], bytes(part[2:])))
+            at, crc = at + 4 + count, self._handler.updateCRC(crc, tail, 2)
+        return blocks
 
     def clear(self) -> None:
         """Discard the received bytes."""
@@ -385,17 +407,3 @@ def _first_missing(packet: Sequence[int], rows: Sequence[Row]) -> int | None:
         if len(packet) < end:
             return servo
     return None
-
-
-def _fast_blocks(packet: Sequence[int], rows: Sequence[Row]) -> list[Block]:
-    """Split the one answer to a fast read; its last CRC, over everything, is already checked."""
-    blocks: list[Block] = []
-    at = 8
-    if packet[4] != _BROADCAST or len(packet) != 8 + sum(row.size + 4 for row in rows):
-        return blocks
-    for servo, _, count in rows:
-        if packet[at + 1] != servo:
-            return []
-        blocks.append(Block(servo, packet[at], bytes(packet[at + 2 : at + 2 + count])))
-        at += count + 4
-    return blocks

@@ -22,7 +22,7 @@ from emulated_dynamixel.packet import (
     Instruction,
     Packet,
     Parser,
-    fast_status,
+    fast_part,
     group_blocks,
     status,
 )
@@ -147,14 +147,13 @@ class Bus:
             error, content = servo.read(address, len(block), now_ns)
             padded = content.ljust(len(block), b"\0") if is_fast else content
             blocks.append((servo.error_bits | error, servo_id, padded))
-        pieces = (
-            fast_status(blocks)
-            if is_fast
-            else [status(servo_id, error, content) for error, servo_id, content in blocks]
-        )
-        for (_, servo_id, _), piece in zip(blocks, pieces, strict=True):
+        heard = b""
+        for place, (error, servo_id, content) in enumerate(blocks):
             servo = by_id.get(servo_id)
             if servo is None or not servo.return_level:
                 return
-            if not self.wire.answer(servo_id, piece, servo.return_delay_ns):
+            part = fast_part(blocks, place, heard) if is_fast else status(servo_id, error, content)
+            sent = self.wire.answer(servo_id, part, servo.return_delay_ns)
+            if not sent:
                 return
+            heard += sent

@@ -155,12 +155,12 @@ class Wire:
         """Let the servos answer, one after the other, an instruction received at *now_ns*."""
         self._free_ns, self._baud = now_ns, baud
 
-    def answer(self, servo: int, octets: bytes, return_delay_ns: int) -> bool:
-        """Let *servo* answer with *octets*; return whether anything was sent."""
+    def answer(self, servo: int, octets: bytes, return_delay_ns: int) -> bytes:
+        """Let *servo* answer with *octets*; return those on the line, after its faults."""
         line = self.line
         octets, delay_ns = self.faults.apply(servo, octets)
         if not octets:
-            return False
+            return octets
         start_ns = self._free_ns + (line.turnaround_ns + return_delay_ns if line.is_paced else 0)
         self._free_ns = start_ns + line.duration_ns(len(octets), self._baud)
         usb_ns = line.usb_latency_ns
@@ -168,4 +168,4 @@ class Wire:
         if self._replies:
             arrival_ns = max(arrival_ns, self._replies[-1].arrival_ns)
         self._replies.append(_Reply(start_ns, self._free_ns, arrival_ns, octets))
-        return True
+        return octets

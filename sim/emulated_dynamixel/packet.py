@@ -8,7 +8,7 @@ included.  Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0".
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -126,27 +126,24 @@ def status(servo: int, error: int, content: bytes = b"") -> bytes:
     return encode(Packet(servo, Instruction.STATUS, bytes([error]) + content))
 
 
-def fast_status(blocks: Iterable[tuple[int, int, bytes]]) -> list[bytes]:
-    """Return the one packet that answers a fast read, in the pieces that the servos send.
+def fast_part(blocks: Sequence[tuple[int, int, bytes]], place: int, heard: bytes) -> bytes:
+    """Return the part that a servo sends of the one packet that answers a fast read.
 
-    Each piece ends with a CRC over all bytes of the packet before it, earlier CRCs included, and
-    nothing is stuffed.
+    It ends with a CRC over all bytes of the packet before it, earlier CRCs included, and nothing is
+    stuffed.
 
     Args:
         blocks: ``(error, id, content)`` of each servo, in the order asked.
+        place: that of the servo in this order.
+        heard: the parts of the servos before it, as they were on the line.
     """
-    blocks = list(blocks)
-    length = 1 + sum(len(content) + 4 for _, _, content in blocks)
-    head = HEADER + bytes([BROADCAST]) + length.to_bytes(2, "little") + bytes([Instruction.STATUS])
-    pieces: list[bytes] = []
-    crc = 0
-    for error, servo, content in blocks:
-        piece = (b"" if pieces else head) + bytes([error, servo]) + content
-        crc = crc16(piece, crc)
-        tail = crc.to_bytes(2, "little")
-        pieces.append(piece + tail)
-        crc = crc16(tail, crc)
-    return pieces
+    error, servo, content = blocks[place]
+    part = bytes([error, servo]) + content
+    if place == 0:
+        length = 1 + sum(len(content) + 4 for _, _, content in blocks)
+        body = length.to_bytes(2, "little") + bytes([Instruction.STATUS])
+        part = HEADER + bytes([BROADCAST]) + body + part
+    return part + crc16(heard + part).to_bytes(2, "little")
 
 
 def group_blocks(packet: Packet) -> list[tuple[int, int, bytes]]:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from emulated_dynamixel import FaultKind, ReplyFault
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd.rotation import angle
@@ -102,6 +103,22 @@ def test_both_kinds_of_read_follow(rig, order, fast):
     it.start()
     sway(it, 1.0)
     assert it.driver._group.lost == 0
+
+
+def test_a_damaged_part_of_a_fast_answer_counts_as_lost(rig):
+    """The servos after it have heard the damage too, so that the last CRC of the answer agrees."""
+    it = rig(fast_read="on", max_losses=1000)
+    it.start()
+    it.run(20)
+    group = it.driver._group
+    it.bus.faults.add(2, ReplyFault(FaultKind.CORRUPT))
+    it.run(2)
+    before, lost = group.readings, group.lost
+    it.run(200)
+    assert group.readings[1] == before[1]
+    assert group.readings[0] != before[0]
+    assert group.lost - lost > 90
+    assert max(group._culprits, key=group._culprits.get) == 2
 
 
 def test_gear_direction_and_zero_are_applied(rig):

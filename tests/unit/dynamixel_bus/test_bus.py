@@ -12,6 +12,7 @@ from emulated_dynamixel.packet import (
     Instruction,
     Packet,
     Parser,
+    crc16,
     encode,
 )
 
@@ -214,6 +215,19 @@ def test_corrupt_and_truncated_answers_are_never_accepted():
         bus = three(rng=random.Random(4))
         bus.faults.add(1, ReplyFault(kind))
         assert sum(len(ask(bus, Packet(1, Instruction.PING), k * S)) for k in range(300)) == 0
+
+
+def test_servos_of_a_fast_read_answer_for_damage_that_they_heard():
+    """The last CRC agrees, and that of the damaged block does not."""
+    bus = three(rng=random.Random(4))
+    bus.faults.add(1, ReplyFault(FaultKind.CORRUPT))
+    for k in range(20):
+        bus.receive(
+            encode(Packet(BROADCAST, Instruction.FAST_SYNC_READ, b"\x84\0\4\0\1\2\3")), k * S
+        )
+        answer = bus.wire.take(k * S)
+        assert crc16(answer[:-2]) == int.from_bytes(answer[-2:], "little")
+        assert crc16(answer[:14]) != int.from_bytes(answer[14:16], "little")
 
 
 def test_disconnected_servo_loses_torque_and_comes_back_booted():
