@@ -165,7 +165,7 @@ class Passes:
             if self._pass is not wanted:
                 return
             if begin > now + _LEAST:
-                # What passes before the path begins is lost too.
+                # The target is also lost until the path begins.
                 lost = start - wanted.start
                 lost += sum(one.end - one.start for one in plan.certificate.losses)
                 with self._served.lock:

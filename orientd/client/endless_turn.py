@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from orientd.errors import OrientdError
+from orientd.errors import LimitError, LimitKind, OrientdError
 
 if TYPE_CHECKING:
     from orientd.client.move_handle import MoveHandle
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 SECONDS = 60.0
 """Duration of each motion at the rate; the next one is planned after half of it."""
+
+_SHARE, _LEAST = 0.8, 0.5
+"""Share of the time until an axis reaches the end of its range, and least time, of a motion, s."""
 
 _LOOK = 0.2
 """Interval between two checks of the progress, s."""
@@ -43,8 +46,7 @@ class EndlessTurn:
             fields: as for :meth:`.Robot.turn`.
 
         Raises:
-            OrientdError: as for :meth:`.Robot.move`, also if an axis cannot turn for as long as one
-                motion of it.
+            OrientdError: as for :meth:`.Robot.move`.
         """
         self._robot, self._rate, self._fields = robot, rate, fields
         self._handle = self._begin()
@@ -95,7 +97,15 @@ class EndlessTurn:
                 pass
 
     def _begin(self) -> MoveHandle:
-        return self._robot.turn(self._rate, SECONDS, **self._fields)
+        """Begin the next motion, which is shorter near the end of the range of an axis."""
+        seconds = SECONDS
+        while True:
+            try:
+                return self._robot.turn(self._rate, seconds, **self._fields)
+            except LimitError as error:
+                seconds = _SHARE * min(seconds, error.time)
+                if error.kind is not LimitKind.RANGE or seconds < _LEAST:
+                    raise
 
     def _work(self) -> None:
         while not self._handle.is_done:

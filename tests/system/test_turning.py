@@ -1,8 +1,10 @@
 """Turning until it is stopped, in a real daemon: one motion takes over from the other."""
 
 import threading
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from harness import DaemonProcess, until
 
 import orientd
@@ -70,3 +72,51 @@ def test_a_turn_that_cannot_go_on_comes_to_rest_and_says_why():
     turn = endless_turn.EndlessTurn(Bounded(Handle()), [0.0, 0.0, RATE])
     assert turn.wait(20.0) == "came to rest"
     assert "angle of yaw reaches 5" in turn.problem
+
+
+class Room:
+    """A robot with an axis that has room for a turn of some seconds."""
+
+    def __init__(self, seconds):
+        self.now, self.room = 0.0, seconds
+
+    def turn(self, _, seconds, **__):
+        left = self.room - self.now
+        if seconds > left:
+            raise LimitError("angle of yaw", 5.0, 4.7, left, "rad", kind=LimitKind.RANGE)
+        return Turning(self, seconds)
+
+
+class Turning:
+    """A motion that lasts as long as its robot's time has not passed."""
+
+    plan, speed = None, 1.0
+
+    def __init__(self, robot, seconds):
+        self._robot, self._begun, self._seconds = robot, robot.now, seconds
+
+    @property
+    def progress(self):
+        return SimpleNamespace(path_time=self._robot.now - self._begun, duration=self._seconds)
+
+    @property
+    def is_done(self):
+        return self._robot.now >= self._begun + self._seconds
+
+    def wait(self, timeout=None):
+        if not self.is_done:
+            self._robot.now += timeout
+        return "came to rest"
+
+
+def test_a_turn_goes_on_until_an_axis_is_near_the_end_of_its_range():
+    robot = Room(14.0)
+    turn = endless_turn.EndlessTurn(robot, [0.0, 0.0, RATE])
+    assert turn.wait(20.0) == "came to rest"
+    assert 13.0 < robot.now < 14.0 + 0.2
+    assert "angle of yaw reaches 5" in turn.problem
+
+
+def test_a_turn_without_room_is_refused():
+    with pytest.raises(LimitError, match="angle of yaw"):
+        endless_turn.EndlessTurn(Room(0.4), [0.0, 0.0, RATE])
