@@ -131,7 +131,8 @@ def certificate(of: pb.Certificate) -> list[str]:
         if figure.name in _OF_BODY_AXES and figure.HasField("limit") and figure.HasField("time")
     ]
     lines += [
-        f"{figure.name:<21}{math.degrees(figure.value):.2f} deg clear at {figure.time:.3f} s"
+        f"{figure.name:<21}{math.degrees(abs(figure.value)):.2f} deg "
+        f"{'inside' if figure.value < 0.0 else 'clear'} at {figure.time:.3f} s"
         for figure in of.figures
         if figure.name.startswith("keep-out ")
     ]

@@ -112,10 +112,22 @@ class Cones:
             Shape ``(cones, n - 1)``, or ``(cones, 1)`` for a single record; infinite while a motion
             that begins inside a cone moves out.
         """
+        bound, found = self._bounded(motion)
+        if found.shape[1] > 1:
+            for row, at in zip(bound, found, strict=True):
+                row[: _moving_out(at)] = math.inf
+        return bound
+
+    def _bounded(self, motion: Motion) -> tuple[Floats, Floats]:
+        """Return the least clearance of each cone in each interval, and at each record, rad.
+
+        Returns:
+            Shape ``(cones, n - 1)``, or ``(cones, 1)`` for a single record; and ``(cones, n)``.
+        """
         period = motion.period
         found, speed, bend = self._along(motion)
         if found.shape[1] == 1:
-            return found
+            return found, found
         half = np.array([[cone.half_angle] for cone in self.cones])
         moves = np.array([[cone.fastest] for cone in self.cones])
         fastest = speed + moves
@@ -124,9 +136,7 @@ class Cones:
         nearest = np.maximum(half + mean - fastest * period, _POLE)
         curved = bend + fastest**2 * (0.5 + 1.0 / np.abs(np.tan(nearest)))
         bound: Floats = np.maximum(lower - period**2 / 8.0 * curved, mean - 0.5 * period * fastest)
-        for row, at in zip(bound, found, strict=True):
-            row[: _moving_out(at)] = math.inf
-        return bound
+        return bound, found
 
     def _along(self, motion: Motion) -> tuple[Floats, Floats, Floats]:
         """Return clearances at records ``(cones, n)``, and bounds of the rates between them."""
@@ -159,9 +169,9 @@ class Cones:
         )
 
     def figures(self, motion: Motion) -> list[Figure]:
-        """Return the least clearance of each cone along a motion."""
+        """Return the least clearance of each cone along a motion; negative inside of it."""
         figures = []
-        for cone, row in zip(self.cones, self.bounds(motion), strict=True):
+        for cone, row in zip(self.cones, self._bounded(motion)[0], strict=True):
             place = int(np.argmin(row))
             figures.append(
                 Figure(

@@ -111,6 +111,16 @@ def test_from_inside_a_motion_may_only_move_out():
     assert angles[0] < -5.0
     assert np.all(np.diff(angles[: outside + 1]) >= -1e-6)
     assert np.all(angles[outside:] >= 0.0)
+    # The certificate says how far inside it begins.
+    assert clearance(motion) == pytest.approx(angles[0], abs=0.05)
+
+
+def test_a_first_keyframe_inside_has_a_negative_clearance():
+    person = KeepOut("person", (1.0, 0.0, 0.0), math.radians(20.0))
+    motion = planned(toward(5.0), toward(60.0, 10.0), start=State.at_rest(toward(5.0).q),
+                     cones=(person,))  # fmt: skip
+    assert clearance(motion, "person") == pytest.approx(-15.0, abs=0.05)
+    assert clearance(motion, "person") <= least(motion, person) + 1e-9
 
 
 def test_a_device_that_is_there_already_has_a_clearance():
