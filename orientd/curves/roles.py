@@ -113,11 +113,11 @@ class CurveTask:
         omega_end: body angular velocity at the last keyframe, in the same way.
         turns: whole turns between neighbours, shape ``(n - 1,)``; ``None`` for none.
         alpha_start: body angular acceleration for *omega_start*, rad/s^2.
-        holds: whether a device holds before and after.  An end without a velocity is then at rest.
-            It has no acceleration either, if the family can set both.  Otherwise it keeps its
-            natural end: at rest, but with an acceleration step, so that it would still need a lead.
+        holds: whether a device holds before and after.  An end without a velocity is then at rest,
+            if the family can set it.  It has no acceleration either, if the family can set both.
         leaves_freely: whether an end at rest may still have an acceleration, because the pace along
-            the curve is found afterwards, from rest.
+            the curve is found afterwards, from rest.  A family that cannot set accelerations then
+            keeps its natural end.
         is_timed: whether the keyframes have these times.  Otherwise the times are chord lengths,
             and control orientations are spread evenly over the same duration.
     """
@@ -284,7 +284,8 @@ def _through_keyframes(family: type[Family], task: CurveTask) -> dict[str, Any]:
         has_conditions = end in family.takes
         if f"omega_{end}" not in family.takes:
             continue
-        if omega is None and task.holds and (family.meets_end_accelerations or not has_conditions):
+        is_natural = has_conditions and task.leaves_freely and not family.meets_end_accelerations
+        if omega is None and task.holds and not is_natural:
             omega = np.zeros(3)
         if omega is None:
             continue

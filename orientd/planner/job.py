@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from orientd.curves import METHODS, Trajectory
-from orientd.errors import LimitError, PlanError
+from orientd.errors import LimitError, PlanError, StartError
 from orientd.model import LONGEST, Limits, MotionRequest, is_still
 from orientd.planner import refusal
 from orientd.planner.certify import before, measure, summed_up
@@ -134,8 +134,13 @@ class PlanJob:
             knots = chosen_knots(self.request, knots, guess, aimed_at(self.own)) or knots
         return knots, guess
 
-    def path(self, knots: Knots, duration: float) -> KeyframePath:
+    def path(self, knots: Knots, duration: float, *, is_paced: bool = True) -> KeyframePath:
         """Return the path through the keyframes that takes *duration* seconds.
+
+        Args:
+            knots: times up to a factor.
+            duration: s.
+            is_paced: whether the path keeps its own pace; otherwise its pace is found afterwards.
 
         Raises:
             PlanError: the method has no curve through these keyframes.
@@ -143,7 +148,9 @@ class PlanJob:
         request, kept = self.request, knots.kept
         times = knots.times * (duration / knots.times[-1])
         times[-1] = duration
-        ends = self.ends if knots.profile is None else replace(self.ends, leaves_freely=True)
+        can_rest = METHODS[request.method].meets_end_accelerations
+        is_free = knots.profile is not None or not (is_paced or can_rest)
+        ends = replace(self.ends, leaves_freely=True) if is_free else self.ends
         curve = build(request, request.keys[kept], times[kept], request.turns[kept], ends)
         try:
             trajectory = curve.trajectory
@@ -259,7 +266,7 @@ class PlanJob:
                 raise ValueError("a single keyframe needs a lead-in")
             parts += self.leads_out(path, begin)
             return KeyframePath(Trajectory.joined(parts), lead.positions, np.array([begin]))
-        core, positions = path.trajectory, path.positions
+        core, positions, notes = path.trajectory, path.positions, path.notes
         if lead is not None:
             positions = positions.delayed(begin).after(lead.positions)
         else:
@@ -267,19 +274,30 @@ class PlanJob:
             if joint is not None:
                 parts.append(joint)
                 core = core.restricted(joint.duration, core.duration)
+                if self.start.is_at_rest:
+                    notes += (
+                        f"joins the curve {joint.duration:.3g} s after keyframes[0]: "
+                        f"{self.request.method} does not begin at rest",
+                    )
         parts.append(core.shifted(begin) if begin else core)
         parts += self.leads_out(end_states(path.trajectory)[1], begin + path.duration)
-        return KeyframePath(Trajectory.joined(parts), positions, path.times + begin, path.notes)
+        return KeyframePath(Trajectory.joined(parts), positions, path.times + begin, notes)
 
     def _joint(self, path: KeyframePath) -> Trajectory | None:
         """Return the lead-in to a path that begins here; ``None`` if it needs none."""
         start, (first, _) = self.start, end_states(path.trajectory)
-        bend = first.alpha_body - start.alpha_body
-        if start.is_at_rest or is_still(np.zeros(3), bend, self.limits):
-            rates = first.q, first.omega_body, first.alpha_body
-            refusal.check_start(start, State(*rates, *path.positions.state(0.0)), self.limits)
+        place = path.positions.state(0.0)
+        try:
+            refusal.check_start(
+                start, State(first.q, first.omega_body, first.alpha_body, *place), self.limits
+            )
+        except StartError:
+            # A requested velocity was checked before.  The method does not begin with that of the
+            # device, or not with its acceleration.
+            rates = start.omega_body, start.alpha_body
+            refusal.check_start(start, State(first.q, *rates, *place), self.limits)
+        else:
             return None
-        # The keyframe path does not have the acceleration of the device.
         return join_in(path, start, limits=self.limits, period=self.period)
 
     def motion(

@@ -59,6 +59,7 @@ _MUCH = 0.9  # tolerance of a limit, and of the longest stop
 _WHOLE = 1.0 + 1e-6  # of a limit
 _MOST_OVER = 1.1  # largest excess of a limit for which to slow a timing down
 _SLOWER = 0.999  # change of the speed, of the first timing or from one to the next
+_TO_JOIN, _TO_LEAVE = 0.8, 0.99  # changes of an even pace until it has room for a lead
 _FREE = 0.99  # share of the limits up to which the motion at an end can be slower
 _MOST_TIMINGS = 12  # timings until the records keep the limits, and until stops are short
 _LONG = 1.5  # times the longest stop: the curve will need a larger reserve
@@ -257,8 +258,9 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
     """Try the curve, at its fastest timing first."""
     even, total = job.evenly(), job.request.total
     curve = cache(partial(_curve, job))
-    if total is not None:
-        # With a requested duration the pace is even wherever the curve would have to rest.
+    if total is not None and job.request.approach:
+        # With a requested duration the pace is even wherever the curve would have to rest, if it is
+        # led in and out.
         def without_rests() -> Motion | None:
             return _at_even_pace(even, name) if job.has_one_shape and curve()[2] else None
 
@@ -292,7 +294,7 @@ def _curve(job: PlanJob) -> tuple[KeyframePath, Floats | None, bool]:
     It rests at its corners, and at moving ends if it has a given duration.
     """
     knots, guess = job.knots(is_quick=True)
-    path = job.path(knots, guess)
+    path = job.path(knots, guess, is_paced=False)
     is_moving = job.request.total is not None and not path.is_from_rest_to_rest
     known = knots.profile if job.limits == job.own else None
     return path, known, is_moving or bool(len(corners(path.trajectory)))
@@ -550,11 +552,12 @@ def timed(
                 raise
             limits, refused = _lowered(limits, error.unit, over, path), error
             continue
-        except refusal.LeadOutError as error:
-            # An even pace may use the full limits, without a reserve for a lead-out.
+        except (refusal.LeadOutError, refusal.JoinError) as error:
+            # An even pace may use the full limits, without a reserve for a lead.
             if not is_even:
                 raise
-            limits, refused = limits.slowed(_SLOWER), error
+            slower = _TO_JOIN if isinstance(error, refusal.JoinError) else _TO_LEAVE
+            limits, refused = limits.slowed(slower), error
             continue
         before, last, motion = motion, stop_time, found
         fastest = motion.certificate.peak_velocity

@@ -16,8 +16,8 @@ import numpy as np
 
 from orientd import kernels
 from orientd.curves import Indices, Trajectory
-from orientd.errors import PlanError
 from orientd.model import LONGEST, Limits
+from orientd.planner import refusal
 from orientd.planner.certify import limit_table
 from orientd.planner.state import State
 from orientd.planner.timing import KeyframePath
@@ -95,17 +95,17 @@ def try_joins(
 def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) -> Trajectory:
     """Return the shortest trajectory from path time 0 onto a keyframe path.
 
-    For curves that cannot begin with a given acceleration.  A join starts from the state of the
-    device and reaches the path, in step with it, shortly after.
+    For curves that cannot begin at rest, or with a given acceleration.  A join starts from the
+    state of the device and reaches the path, in step with it, shortly after.
 
     Args:
-        path: begins at the orientation and velocity of the device.
+        path: begins at the orientation of the device.
         start: the commanded state of the device.
         limits: limits of the join; the path may use them fully itself.
         period: the join takes a whole number of periods, s.
 
     Raises:
-        PlanError: no join within the first interval keeps the limits.
+        JoinError: no join within the first interval keeps the limits.
     """
     most = int(path.times[1] / period)
     cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
@@ -117,9 +117,9 @@ def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) 
         w, kept = try_joins(first, last, durations, start, limits)
         if len(kept):
             return join(start.q, w[kept[0]], float(durations[kept[0]]))
-    raise PlanError(
-        "found no connector from the device's acceleration onto the curve; use c2_cumulative, "
-        "which can begin with it, or set `approach: true` to plan a lead-in"
+    raise refusal.JoinError(
+        "found no connector from the device's state onto the curve; use c2_cumulative, which can "
+        "begin with it, or set `approach: true` to plan a lead-in"
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 from planned import LIMITS, PERIOD, differences, rotations
 
 from orientd.curves import METHODS, is_pair, options_of
-from orientd.errors import LimitError, PlanError, RequestError, StartError
+from orientd.errors import LimitError, PlanError, RequestError
 from orientd.planner import Keyframe, MotionRequest, State, plan
 from orientd.planner.methods import can_turn
 from orientd.rotation import angle, exp
@@ -203,11 +203,53 @@ def test_control_quaternions_are_near_their_times():
     assert motion.certificate.keyframe_error < 0.2
 
 
-def test_a_method_at_rest_with_acceleration_needs_a_lead():
+ABLE_TO_REST = ("c2_cumulative", "kks_interpolating", "kks_quintic_hermite", "minimum_effort")
+SMOOTH = sorted(set(METHODS) - {"piecewise_slerp"})
+
+
+def begun_at_rest(name, times, **fields):
+    asked = request(name, step=0.25, times=times)
+    still = MotionRequest(asked.keyframes, method=name, **fields)
+    return plan(still, start=State.at_rest(asked.keys[0]), limits=ARM, period=PERIOD)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_every_method_begins_at_rest_with_times(name):
+    count = 2 if is_pair(METHODS[name]) else 5
+    step = 10.0 if name == "circular_blending" else 2.0
+    options = {"param": "quadratic"} if name == "circular_blending" else {}
+    motion = begun_at_rest(name, (step * np.arange(count)).tolist(), options=options)
+    assert motion.certificate.lead_in == 0.0
+    found = differences(motion.records(0, motion.record_count)[:, :4], PERIOD)
+    for rates, limit in zip(found, (ARM.velocity, ARM.acceleration, ARM.jerk), strict=True):
+        assert rates.max() <= limit * (1 + 1e-6)
+    if METHODS[name].interpolates:
+        assert motion.certificate.keyframe_error < 1e-9
+    state = motion.start_state
+    assert np.linalg.norm(state.omega_body) < 1e-12
+    joins = any("joins the curve" in one for one in motion.certificate.notes)
+    assert joins == (name not in ABLE_TO_REST)
+
+
+@pytest.mark.parametrize("name", ABLE)
+def test_a_method_with_an_end_velocity_begins_at_rest(name):
+    motion = begun_at_rest(name, None, end_velocity=(0.1, 0.05, -0.1))
+    assert motion.certificate.lead_in == 0.0
+    assert np.linalg.norm(motion.start_state.omega_body) < 1e-12
+    assert motion.certificate.end_velocity_error < 1e-9
+
+
+@pytest.mark.parametrize("name", ["kks_interpolating", "rotation_vector_spline"])
+def test_the_quickest_motion_leaves_rest_along_the_natural_curve(name):
+    # At rest at its ends the curve would be another one.
+    motion = begun_at_rest(name, None)
+    natural = METHODS[name](keys=motion.request.keys, times=motion.keyframe_times)
+    assert motion.certificate.notes == ()
+    assert np.linalg.norm(natural.evaluate(natural.domain[0])[1]) > 0.1
+
+
+def test_a_method_at_rest_with_acceleration_may_have_a_lead():
     asked = request("kks_hermite", times=[0.0, 2.0])
-    still = MotionRequest(asked.keyframes, method="kks_hermite")
-    with pytest.raises(StartError, match="angular acceleration by"):
-        plan(still, start=State.at_rest(asked.keys[0]), limits=ARM, period=PERIOD)
     motion = plan(asked, start=State.at_rest(asked.keys[0]), limits=ARM, period=PERIOD)
     assert motion.certificate.lead_in > 0.0
     assert motion.certificate.lead_out > 0.0
