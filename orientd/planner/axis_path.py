@@ -97,7 +97,7 @@ def reshaped(
     times = np.array(keyframes)
     place = refusal.Place(request, float(begin), float(end), times)
     refusal.check_limits(peaks, place)
-    refusal.check_stop(peaks, place)
+    refusal.check_stop(peaks, place, motion.limits)
     ends = float(begin), float(end)
     certificate = summed_up(request, path, ends, times, peaks, period)
     return replace(

@@ -378,7 +378,7 @@ def certified(
     )
     place = refusal.Place(request, begin, end, whole.times)
     refusal.check_limits(peaks, place)
-    refusal.check_stop(peaks, place)
+    refusal.check_stop(peaks, place, limits)
     return Motion(
         id=motion_id,
         request=request,

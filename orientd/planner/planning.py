@@ -17,7 +17,7 @@ import numpy as np
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.model import ANGULAR, DEFAULT_METHOD, LONGEST, PERIODS, UNITS, Limits, MotionRequest
 from orientd.planner import refusal, resting
-from orientd.planner.certify import share_to_stop
+from orientd.planner.certify import LONGEST_STOP, longest_stop_from, share_to_stop
 from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
@@ -27,7 +27,6 @@ from orientd.planner.resolve import resolved
 from orientd.planner.state import State
 from orientd.planner.timing import (
     LEAST_SHARE,
-    LONGEST_STOP,
     SHARE,
     KeyframePath,
     Knots,
@@ -36,7 +35,6 @@ from orientd.planner.timing import (
     evenly_made,
     evenly_paced,
     lasting,
-    longest_stop,
     quickest,
 )
 from orientd.rotation import Floats, angle
@@ -478,7 +476,7 @@ def _timed(
         return lasting(path, quick, limits, period, total, share=share)
 
     share, seconds = SHARE, job.limits.velocity / job.limits.acceleration
-    longest = _longest_stop(job.limits, job.limits.velocity)
+    longest = longest_stop_from(job.limits.velocity, job.limits)
     if path.duration > _LONG * longest and math.isfinite(seconds):
         # An estimate of the final share.
         share = min(1.0 - _USUAL * (1.0 - share_to_stop(seconds, longest)), SHARE)
@@ -568,7 +566,7 @@ def timed(
         rate = motion.certificate.brake_rate
         stop_time, longest = (
             1.0 / rate if rate else math.inf,
-            _longest_stop(motion.limits, motion.certificate.peak_velocity.value),
+            longest_stop_from(motion.certificate.peak_velocity.value, motion.limits),
         )
         if is_even or stop_time <= longest or motion.duration <= longest:
             return motion
@@ -611,9 +609,3 @@ def _told_of_stops(motion: Motion) -> Motion:
     if not (motion.request.is_quickest and found.stop_time > _MUCH * LONGEST_STOP and is_slower):
         return motion
     return motion.noted(SLOW)
-
-
-def _longest_stop(limits: Limits, speed: float) -> float:
-    """Return the allowed duration of a stop on a motion of a given velocity, s."""
-    rise = min(limits.acceleration / limits.jerk, math.sqrt(speed / limits.jerk))
-    return longest_stop(max(speed / limits.acceleration, rise) + rise)

@@ -10,7 +10,7 @@ import numpy as np
 
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.model import ANGULAR, AXES, DEFAULT_METHOD, LONGEST, UNITS, Limits, MotionRequest
-from orientd.planner.certify import SLOWEST_STOP, Peak, Peaks
+from orientd.planner.certify import Peak, Peaks, longest_stop_from
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
@@ -259,18 +259,20 @@ def check_limits(peaks: Peaks, place: Place) -> None:
     )  # fmt: skip
 
 
-def check_stop(peaks: Peaks, place: Place) -> None:
+def check_stop(peaks: Peaks, place: Place, limits: Limits) -> None:
     """Raise :class:`.LimitError` for a motion with too long a stop on its path.
 
-    Timings of the planner keep their reserve, so only a slow device can then take long.
+    Timings of the planner keep their reserve, so only a motion with times of the user can exceed
+    the bound that they keep.
     """
-    slowest = SLOWEST_STOP if place.request.times is not None else math.inf
+    is_timed = place.request.times is not None
+    longest = longest_stop_from(peaks.velocity.value, limits) if is_timed else math.inf
     stop_time = 1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf
-    if stop_time > slowest or math.isinf(stop_time):
+    if stop_time > longest or math.isinf(stop_time):
         raise LimitError(
             "the time that a stop on the path takes",
             stop_time,
-            SLOWEST_STOP,
+            longest,
             peaks.brake_time,
             "s",
             f"{place.name(peaks.brake_time)}, where too little reserve is left to slow down with",

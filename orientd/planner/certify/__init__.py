@@ -8,8 +8,10 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.planner.certify.brake import (
-        SLOWEST_STOP,
+        LONGEST_STOP,
         jerk_to_stop,
+        longest_stop,
+        longest_stop_from,
         share_to_stop,
         speed_to_stop,
     )
@@ -28,8 +30,10 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.planner.certify.brake": (
-            "SLOWEST_STOP",
+            "LONGEST_STOP",
             "jerk_to_stop",
+            "longest_stop",
+            "longest_stop_from",
             "share_to_stop",
             "speed_to_stop",
         ),

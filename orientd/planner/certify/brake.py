@@ -41,16 +41,25 @@ daemon cannot plan it beforehand.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from orientd.kernels import least_rate
+from orientd.model import Limits
 from orientd.rotation import Floats
 
 FASTEST_BRAKE_RATE = 20.0
 """Largest brake rate, 1/s; a stop never takes less than 50 ms, however slow the motion is."""
 
-SLOWEST_STOP = 4.0
-"""Longest stop on the path, s, if the user sets the timing."""
+_USUAL_STOP, LONGEST_STOP = 6.0, 24.0
+"""Longest stop on a long motion, s, and its maximum on a device that is slow to stop.
+
+The servo reads this much of a path ahead.
+"""
+
+_SLOWER_STOP = 7.2
+"""Factor by which a stop beyond the usual one may exceed a stop with the full limits."""
 
 _MARGIN = 0.99  # covers the worst rates, which lie between the nodes
 
@@ -72,6 +81,21 @@ _WORST = _MARGIN * np.min(
 
 LAW = np.stack([_SIGMA, _G]), _WORST, np.array([_SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN])
 """Constants of this module for the kernels."""
+
+
+def longest_stop(seconds: float) -> float:
+    """Return the longest allowed stop on a long motion, s.
+
+    Args:
+        seconds: duration of a stop with the full limits.
+    """
+    return min(max(_USUAL_STOP, _SLOWER_STOP * seconds), LONGEST_STOP)
+
+
+def longest_stop_from(speed: float, limits: Limits) -> float:
+    """Return the longest allowed stop on a motion of a given velocity, rad/s, in s."""
+    rise = min(math.sqrt(speed / limits.jerk), limits.acceleration / limits.jerk)
+    return longest_stop(max(speed / limits.acceleration, rise) + rise)
 
 
 def share_to_stop(seconds: float, stop_time: float) -> float:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from orientd.planner.timing.axis_turn import (
     CAREFUL_JERK_SHARE,
     LEAST_SHARE,
-    LONGEST_STOP,
     SHARE,
-    longest_stop,
     phases_of_turn,
 )
 from orientd.planner.timing.even import evenly_made, evenly_paced

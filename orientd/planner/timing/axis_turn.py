@@ -12,7 +12,7 @@ import numpy as np
 
 from orientd.curves import AxisTurn
 from orientd.model import Limits
-from orientd.planner.certify import jerk_to_stop, share_to_stop, speed_to_stop
+from orientd.planner.certify import jerk_to_stop, longest_stop, share_to_stop, speed_to_stop
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 
@@ -30,15 +30,6 @@ VELOCITY_SHARE = 0.9998
 
 LEAST_SHARE = 0.2
 """Shares below which a timing would no longer be the fastest."""
-
-USUAL_STOP, LONGEST_STOP = 6.0, 24.0
-"""Longest stop on a long motion, s, and its maximum on a device that is slow to stop.
-
-The servo reads this much of a path ahead.
-"""
-
-_SLOWER_STOP = 7.2
-"""Factor by which a stop beyond the usual one may exceed a stop with the full limits."""
 
 _ONE_WAY = 1e-9  # share of the velocity by which it may differ from the one along the axis
 _ON_AXIS = 5e-10  # rad; tolerance of a path that is a turn about one axis
@@ -121,15 +112,6 @@ def phases_of_turn(
             for one, other in zip(most, can_be_stopped, strict=True)
         ),
     )
-
-
-def longest_stop(seconds: float) -> float:
-    """Return the longest allowed stop on a long motion, s.
-
-    Args:
-        seconds: duration of a stop with the full limits.
-    """
-    return min(max(USUAL_STOP, _SLOWER_STOP * seconds), LONGEST_STOP)
 
 
 def _most_to_stop(
