@@ -198,7 +198,9 @@ def from_rest(
     if run_up is not None:
         parts.append(run_up.reversed().shifted(arrival))
     # The position arrives with the approach and waits during the run-up of the orientation.
-    positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
+    positions = PositionPath.held(first.position)
+    if move > SAME_PLACE:
+        positions = positions.after_move_from(start.position, 0.0, arrival)
     return LeadIn(tuple(parts), cycles, positions)
 
 

@@ -8,7 +8,7 @@ from orientd.errors import PlanError
 from orientd.model import is_still
 from orientd.planner import Limits, State
 from orientd.planner.connect.connector import connector
-from orientd.planner.connect.leads import approach, approach_cycles, lead_out
+from orientd.planner.connect.leads import approach, approach_cycles, from_rest, lead_out
 from orientd.rotation import angle, conjugate, exp, log, multiply
 
 ARM = LIMITS["arm"]
@@ -173,3 +173,14 @@ def test_leads_that_would_take_days_are_refused(jerk):
         lead_out(State(here, omega, nowhere, nowhere), limits=slow, period=PERIOD)
     start, end = State(here, omega, nowhere, nowhere), State.at_rest(there)
     assert connector(start, end, limits=slow, period=PERIOD) is None
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_a_lead_in_does_not_move_a_position_that_differs_by_rounding(angle):
+    place = np.array([0.3, -0.2, 0.7])
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0), np.nextafter(place, 1.0))
+    first = State.at_rest(tuple(exp([0.0, 0.0, angle])), place)
+    lead_in = from_rest(start, first, limits=ARM, period=PERIOD)
+    assert lead_in.positions.is_held
+    np.testing.assert_array_equal(lead_in.positions.last, place)
+    assert (lead_in.cycles > 0) == (angle > 0.0)
