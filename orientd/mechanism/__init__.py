@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve, Rows
     from orientd.mechanism.pacing import pace
     from orientd.mechanism.routing import joints_along, route, route_at_times
-    from orientd.mechanism.turning import pointed, together
+    from orientd.mechanism.turning import pointed, together, windings
 
 __getattr__ = lazily(
     "orientd.mechanism",
@@ -38,6 +38,6 @@ __getattr__ = lazily(
         "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve", "Rows"),
         "orientd.mechanism.pacing": ("pace",),
         "orientd.mechanism.routing": ("joints_along", "route", "route_at_times"),
-        "orientd.mechanism.turning": ("pointed", "together"),
+        "orientd.mechanism.turning": ("pointed", "together", "windings"),
     },
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -13,7 +14,7 @@ import numpy as np
 from orientd.driver import Driver, Feedback, Locatable, switch, tune
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError
 from orientd.keep_out import KeepOut
-from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed
+from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed, windings
 from orientd.model import Frame, Limits, MotionRequest
 from orientd.planner.blending import blend
 from orientd.planner.fitting import Fitting
@@ -265,10 +266,18 @@ def _fitted(fitting: Fitting, request: MotionRequest) -> Motion:
     try:
         return fitting.plan(request)
     except LimitError as error:
-        other = _with_roll_of_axes(request, fitting)
-        if other is None or error.kind is not LimitKind.RANGE:
+        if error.kind is not LimitKind.RANGE:
             raise
-        return fitting.plan(other)
+        other = _with_roll_of_axes(request, fitting)
+        if other is not None:
+            return fitting.plan(other)
+        advice = _turned_back(request, fitting)
+        if not advice:
+            raise
+        raise LimitError(
+            error.quantity, error.value, error.limit, error.time, error.unit, advice,
+            kind=error.kind,
+        ) from error  # fmt: skip
 
 
 def _check_home(mechanism: Mechanism | None) -> None:
@@ -277,10 +286,37 @@ def _check_home(mechanism: Mechanism | None) -> None:
         raise ValueError("only a gimbal has a home, where its axes are at zero; got 'home' = true")
 
 
+def _turned_back(request: MotionRequest, fitting: Fitting) -> str:
+    """Return where a keyframe lets a gimbal turn the longer way; empty if none does."""
+    mechanism = fitting.mechanism
+    if not isinstance(mechanism, Gimbal) or request.is_single:
+        return ""
+    joints = fitting.joints or mechanism.home()
+    for index, keyframe in enumerate(request.keyframes):
+        if keyframe.turns or (keyframe.free_roll and not mechanism.is_pointing):
+            return ""
+        try:
+            found = windings(mechanism, keyframe.q, joints)
+        except LimitError:
+            return ""
+        last, joints = np.array(joints), min(found, key=lambda one: math.dist(one, joints))
+        ways = np.abs(joints - last)
+        place = int(np.argmax(ways))
+        if ways[place] > math.pi:
+            middle = math.degrees(0.5 * (joints[place] + last[place])) + 0.0
+            return (
+                f"the axes must turn the longer way to keyframes[{index}]: give one more keyframe "
+                f"before it, with {mechanism.axes[place].name} at {middle:.1f} deg"
+            )
+    return ""
+
+
 def _with_roll_of_axes(request: MotionRequest, fitting: Fitting) -> MotionRequest | None:
     """Return *request* with a free roll replaced by the one that a gimbal's axes give it."""
     mechanism = fitting.mechanism
     if not isinstance(mechanism, Gimbal) or mechanism.is_pointing:
+        return None
+    if not any(keyframe.free_roll for keyframe in request.keyframes):
         return None
     keyframes, joints = [], fitting.joints or mechanism.home()
     for keyframe in request.keyframes:
@@ -292,4 +328,4 @@ def _with_roll_of_axes(request: MotionRequest, fitting: Fitting) -> MotionReques
             keyframe = replace(keyframe, q=mechanism.orientation(found), free_roll=False)
             joints = found
         keyframes.append(keyframe)
-    return None if keyframes == request.keyframes else replace(request, keyframes=keyframes)
+    return replace(request, keyframes=keyframes)

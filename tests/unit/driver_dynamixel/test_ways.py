@@ -1,5 +1,8 @@
 """The way back is the way that the axes have turned: windings, and home."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,10 +22,10 @@ AXES = [
 ]
 
 
-def plan(begin_deg, *keyframes, **fields):
+def plan(begin_deg, *keyframes, axes=AXES, **fields):
     """Return the axis angles of the motion to *keyframes*, deg."""
     driver = DynamixelDriver(
-        {"port": "virtual", "axes": AXES}, period_ns=10_000_000, clock=ManualClock(1)
+        {"port": "virtual", "axes": axes}, period_ns=10_000_000, clock=ManualClock(1)
     )
     joints = tuple(np.deg2rad(begin_deg))
     motion = DevicePlanner(driver, limits=LIMITS, period=0.01).plan(
@@ -64,6 +67,25 @@ def test_home_is_all_axes_at_zero_without_a_turn_too_many(begin):
     assert angles[-1] == pytest.approx([0, 0, 0], abs=1e-3)
     travel = np.abs(np.diff(angles, axis=0)).sum(axis=0)
     assert travel == pytest.approx(np.abs(begin), abs=8)
+
+
+@pytest.mark.parametrize("seconds", [None, 4.0])
+def test_a_refusal_names_the_keyframe_that_lets_the_axes_turn_the_longer_way(seconds):
+    """A head that turns by 160 degrees to each side, from 120 degrees on one side to the other."""
+    axes = [{**AXES[0], "limits_deg": [-160, 160]}, *AXES[1:]]
+
+    def keyframes(*angles):
+        times = [None if seconds is None else seconds * k for k in range(len(angles))]
+        return [replace(yaw(a), time=t) for a, t in zip(angles, times, strict=True)]
+
+    with pytest.raises(LimitError) as caught:
+        plan([0, 0, 0], *keyframes(0, 120, -120), axes=axes, approach=True)
+    advice = (
+        r"longer way to keyframes\[2\]: give one more keyframe before it, with yaw at 0\.0 deg$"
+    )
+    assert re.search(advice, str(caught.value))
+    angles = plan([0, 0, 0], *keyframes(0, 120, 0, -120), axes=axes, approach=True)
+    assert angles[-1] == pytest.approx([-120, 0, 0], abs=1e-3)
 
 
 def test_endless_axes_have_one_winding_for_each_branch():
