@@ -124,8 +124,12 @@ def plan(
         raise RequestError(
             "limits", "none are set, so there is no quickest motion: set one, or give times"
         )
-    job = PlanJob.of(resolved(request, start, within), start, within, period)
-    return _told_of_stops(_quickest(job, name))
+    try:
+        job = PlanJob.of(resolved(request, start, within), start, within, period)
+        return _told_of_stops(_quickest(job, name))
+    except PlanError as error:
+        refusal.name_pace(error, request.pace)
+        raise
 
 
 @dataclass(slots=True)

@@ -9,7 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
-from orientd.model import ANGULAR, AXES, DEFAULT_METHOD, LONGEST, UNITS, Limits, MotionRequest
+from orientd.model import (
+    ANGULAR,
+    AXES,
+    DEFAULT_METHOD,
+    LONGEST,
+    UNITS,
+    Limits,
+    MotionRequest,
+    Pace,
+)
 from orientd.planner.certify import Peak, Peaks, longest_stop_from
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle
@@ -197,6 +206,15 @@ def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
     if others:
         error.args = (f"{error}; tried before: {', '.join(others)}",)
     return error
+
+
+def name_pace(error: PlanError, pace: Pace | float | None) -> None:
+    """Add the pace of a request, which lowers the limits, to the words of its refusal."""
+    if isinstance(pace, float | int) and pace < 1.0 and not isinstance(error, StartError):
+        error.args = (
+            f"{error}; a pace of {pace:g} leaves {100.0 * pace:.3g} % of the velocity, "
+            f"{100.0 * pace**2:.3g} % of the acceleration and {100.0 * pace**3:.3g} % of the jerk",
+        )
 
 
 def of_any_duration(start: State, limits: Limits) -> PlanError:

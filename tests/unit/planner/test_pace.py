@@ -93,3 +93,18 @@ def test_a_device_that_moves_takes_up_a_slower_pace(pace, count):
         for most in (ARM.velocity, ARM.acceleration, ARM.jerk):
             assert np.linalg.norm(rates, axis=1).max() <= 1.000001 * most
             rates = np.diff(rates, axis=0) / motion.period
+
+
+@pytest.mark.parametrize(
+    "fields", [{"end_velocity": (0.0, 0.0, 1.5)}, {"start_velocity": (0.0, 1.5, 0.0)}]
+)
+def test_a_refusal_for_the_pace_names_the_pace(fields):
+    with pytest.raises(PlanError, match=r"a pace of 0\.1 leaves 10 % of the velocity") as got:
+        made(pace=0.1, approach=True, **fields)
+    assert "the limit is 0.25 rad/s" in str(got.value)
+
+
+def test_other_refusals_do_not_name_the_pace():
+    with pytest.raises(PlanError) as caught:
+        made([beside(KEYS[0], 0.3), KEYS[1]], pace=0.1)
+    assert "pace" not in str(caught.value)
