@@ -408,7 +408,8 @@ class Robot:
             progress_rate_hz: reports a second, 0.1 to 100.
             queue: whether to follow the running motion rather than replace it.
             blend_tolerance: for a queued motion, largest angle by which the device may cut the
-                corner to it, rad, so that it need not stop there.
+                corner to it and leave both motions, rad.  If it stops there all the same, a note
+                of the plan says why.
             start_time: start in Unix time in s, as of :func:`time.time`; motions with the
                 same start time stay in step.
             on_target: required measurement for the motion to count as done.

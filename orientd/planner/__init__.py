@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         named_frames,
     )
     from orientd.planner.axis_path import reshaped
-    from orientd.planner.blending import blend
+    from orientd.planner.blending import NOT_BLENDED, blend
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.device_planner import DevicePlanner
     from orientd.planner.facts import HISTORY, MOTION_RECORD, MotionFacts
@@ -66,7 +66,7 @@ __getattr__ = lazily(
             "named_frames",
         ),
         "orientd.planner.axis_path": ("reshaped",),
-        "orientd.planner.blending": ("blend",),
+        "orientd.planner.blending": ("NOT_BLENDED", "blend"),
         "orientd.planner.certify.certificate": ("Certificate", "Peak"),
         "orientd.planner.device_planner": ("DevicePlanner",),
         "orientd.planner.facts": ("HISTORY", "MOTION_RECORD", "MotionFacts"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -16,7 +15,8 @@ from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestE
 from orientd.keep_out import KeepOut
 from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed, windings
 from orientd.model import Frame, Limits, MotionRequest
-from orientd.planner.blending import blend
+from orientd.planner.blending import NOT_BLENDED, blend
+from orientd.planner.facts import HISTORY
 from orientd.planner.fitting import Fitting
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
@@ -210,7 +210,8 @@ class DevicePlanner:
                 moves.
 
         Returns:
-            The record of *first* at which to leave it, and the motion from there on.
+            The record of *first* at which to leave it, as in :func:`.blend`, and the motion from
+            there on.
 
         Raises:
             RequestError: its method or the device does not allow the request.
@@ -219,8 +220,10 @@ class DevicePlanner:
         mechanism = self._mechanism(may_ask=True)
         self._check_options(request, mechanism)
         cones = self._cones(request, unix_ns)
+        why = [f"{NOT_BLENDED}: the axes of a gimbal come to rest between two motions"]
+        end = first.state_at(first.last_record)
         if not isinstance(mechanism, Gimbal):
-            placed = self.placed(request, first.state_at(first.last_record))
+            placed = self.placed(request, end)
             record, motion = blend(
                 first,
                 replace(placed, keep_out=()),
@@ -230,25 +233,52 @@ class DevicePlanner:
                 earliest=earliest,
                 motion_id=motion_id,
             )
-            state, joints = first.state_at(record), first.joints_at(record)
-            # If an axis cannot follow the blend at its own pace, or if the blend crosses a cone,
-            # plan from rest.
-            with suppress(LimitError):
-                if mechanism is not None:
-                    before, rates = first.joints_before(record), first.joint_rates_at(record)
-                    motion = Fitting(
-                        mechanism, state, joints, self._limits, self._period, before, rates
-                    ).fitted(motion)
-                if cones is None:
+            if record > first.last_record:
+                if mechanism is None and cones is None:
                     return record, motion
-                if cones.are_kept(motion):
-                    return record, cones.certified(motion, placed)
-        record = first.last_record
-        start, joints = first.state_at(record), first.facts.last_joints
+                why = [one for one in motion.certificate.notes if one.startswith(NOT_BLENDED)]
+            else:
+                try:
+                    motion = self._followed(first, record, motion, mechanism)
+                except LimitError as error:
+                    if motion.corner is None:
+                        raise
+                    why = [f"{NOT_BLENDED}: {error}"]
+                else:
+                    if cones is None:
+                        return record, motion
+                    if cones.are_kept(motion):
+                        return record, cones.certified(motion, placed)
+                    why = [f"{NOT_BLENDED}: it would pass a keep-out cone"]
         motion = self.plan(
-            request, start=start, joints=joints, motion_id=motion_id, unix_ns=unix_ns
+            request,
+            start=State.at_rest(end.q, end.position),
+            joints=first.facts.last_joints,
+            motion_id=motion_id,
+            unix_ns=unix_ns,
         )
-        return record, motion
+        return first.last_record + HISTORY, motion.noted(*(why if tolerance > 0.0 else []))
+
+    def _followed(
+        self, first: RecordedMotion, record: int, motion: Motion, mechanism: Mechanism | None
+    ) -> Motion:
+        """Return a motion that leaves another one as the device's axes follow it.
+
+        Raises:
+            LimitError: an axis cannot follow it.
+        """
+        if mechanism is None:
+            return motion
+        fitting = Fitting(
+            mechanism,
+            first.state_at(record),
+            first.joints_at(record),
+            self._limits,
+            self._period,
+            first.joints_before(record),
+            first.joint_rates_at(record),
+        )
+        return fitting.fitted(motion)
 
     def _check_options(self, request: MotionRequest, mechanism: Mechanism | None) -> None:
         """Check the driver's options of this motion."""

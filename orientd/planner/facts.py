@@ -30,7 +30,8 @@ class MotionFacts:
         duration: path time from start to finish, s.
         start_time: path time of the first keyframe, s.
         end_time: path time of the last keyframe, s.
-        last_passed: path time of the keyframe before the last; 0 if there is none.
+        last_passed: path time of the keyframe before the last, or of the end of a blend behind
+            that; 0 if there is none.
         corner: for a motion blended with the previous one, the path time at which it is nearest to
             the end of that, s, and the distance, rad.
         limits: the limits that it keeps.
@@ -59,4 +60,5 @@ class MotionFacts:
     device_options: Mapping[str, Any]
     first_joints: Joints
     last_joints: Joints
+    end_state: tuple[float, ...]
     corner: tuple[float, float] | None = None

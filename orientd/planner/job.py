@@ -99,6 +99,10 @@ class PlanJob:
         """Return the same job at an even pace."""
         return self if self.is_even else replace(self, is_even=True, _leads={})
 
+    def with_free_acceleration(self) -> PlanJob:
+        """Return the same job for a curve that does not begin with the device's acceleration."""
+        return replace(self, ends=replace(self.ends, alpha_start=None), _leads={})
+
     @property
     def is_taken_over(self) -> bool:
         """Whether a position continues a motion."""

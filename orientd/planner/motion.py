@@ -58,6 +58,7 @@ class Motion(Drawable):
         before: the three setpoints before path time 0, as in :class:`State`; ``None`` if the
             device held, or if they are unknown.
         corner: as in :class:`MotionFacts`.
+        joined: path time at which a blend with the previous motion ends, s.
         keep_out: the cones that it stays out of, of the device too, as they are when it begins.
     """
 
@@ -75,6 +76,7 @@ class Motion(Drawable):
     last_joints: tuple[float, ...] = ()
     before: tuple[Floats, Floats] | None = None
     corner: tuple[float, float] | None = None
+    joined: float = 0.0
     keep_out: tuple[KeepOut, ...] = ()
 
     def __eq__(self, other: object) -> bool:
@@ -163,7 +165,7 @@ class Motion(Drawable):
             duration=self.duration,
             start_time=self.start_time,
             end_time=self.end_time,
-            last_passed=float(passed[-1]) if len(passed) else 0.0,
+            last_passed=max(self.joined, *passed.tolist()) if len(passed) else self.joined,
             limits=self.limits,
             brake_rate=certificate.brake_rate,
             stop_time=certificate.stop_time,
@@ -172,6 +174,7 @@ class Motion(Drawable):
             device_options=request.driver_options,
             first_joints=self.first_joints,
             last_joints=self.last_joints,
+            end_state=tuple(self.path.state(self.end_time).row.tolist()),
             corner=self.corner,
         )
 

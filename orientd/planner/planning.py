@@ -198,6 +198,11 @@ def _quickest(job: PlanJob, name: str) -> Motion:
     else:
         _along_curve(job, name, tried)
         _with_stops(job, name, tried)
+    if tried.best is None and job.ends.alpha_start is not None and job.ends.alpha_start.any():
+        # A curve that begins with the acceleration of the device may swing out.  A connector can
+        # take it from there onto another one.
+        freer = partial(_quickest, job.with_free_acceleration(), name)
+        tried.attempt("an acceleration of its own", freer, is_optional=True)
     if tried.best is None:
         raise refusal.of_attempts(tried.refused)
     return tried.best

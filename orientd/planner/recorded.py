@@ -59,6 +59,11 @@ class RecordedMotion:
         """The last record."""
         return self.facts.record_count - 1
 
+    @property
+    def end_state(self) -> State:
+        """The state at the last keyframe."""
+        return State.of_row(np.array(self.facts.end_state))
+
     def rows(self, first: int, count: int) -> Floats:
         """Return state, axis angles and their velocities of records.
 
@@ -155,10 +160,9 @@ def rows_of(records: bytes) -> Floats:
 
 
 def _state_of(rows: Floats) -> State:
-    here, before = rows[-1].copy(), rows[:-1].copy()
-    turning, linear = (here[:4], here[4:7], here[7:10]), (here[10:13], here[13:16], here[16:19])
+    here, before = rows[-1, :STATE_FLOATS].copy(), rows[:-1].copy()
     came = (before[:, :4], before[:, 10:13]) if len(before) else None
-    return State(*turning, *linear, before=came)
+    return State.of_row(here, came)
 
 
 def joints_of(rows: Floats) -> Floats:

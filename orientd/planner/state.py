@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from orientd.rotation import Floats, check_unit
 
 _ZERO: list[float] = [0.0, 0.0, 0.0]
+_ENDS = [4, 7, 10, 13, 16]
+"""Ends of the vectors in a row, but for the last."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +42,18 @@ class State:
         """Return the state at rest at *q* and *position*."""
         zero = np.zeros(3)
         return cls(check_unit(q), zero, zero, np.asarray(position, dtype=np.float64))
+
+    @classmethod
+    def of_row(cls, row: Floats, before: tuple[Floats, Floats] | None = None) -> State:
+        """Return the state with the numbers of :attr:`row`."""
+        q, omega, alpha, position, velocity, acceleration = np.split(row, _ENDS)
+        return cls(q, omega, alpha, position, velocity, acceleration, before)
+
+    @property
+    def row(self) -> Floats:
+        """All numbers of the state, in order, shape ``(19,)``."""
+        turning, linear = (self.q, self.omega_body, self.alpha_body), (self.position, self.velocity)
+        return np.concatenate([*turning, *linear, self.acceleration])
 
     @property
     def is_at_rest(self) -> bool:

@@ -1,6 +1,7 @@
 """The feeder: copies the records of a motion, block by block, into the path ring.
 
 It keeps the ring filled ahead of the servo, and holds no more of a motion than the ring does.
+Behind the last record come some at rest: there a motion may follow that begins at rest.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Feeder:
         self.first_index = ring.head
         self._ring = ring
         self._fed = 0
-        self._until = motion.facts.record_count
+        self._until = motion.rest_record + 1
         self._read_ahead = read_ahead
         self._is_running = False
 
@@ -60,7 +61,7 @@ class Feeder:
     @property
     def is_whole(self) -> bool:
         """Whether the motion's last record is in the ring, or has been."""
-        return self._fed == self.motion.facts.record_count
+        return self._fed >= self.motion.facts.record_count
 
     @property
     def is_done(self) -> bool:

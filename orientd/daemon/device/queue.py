@@ -126,7 +126,10 @@ class MotionQueue:
             records -= max(0, queued.last_record - here)
             place, here = place + 1, 0
             queued = motions[place]
-        record = min(here + records, queued.last_record)
+        record = here + records
+        if record >= queued.last_record:
+            # At its last record a motion has come to rest, but its differences have not.
+            record = queued.motion.rest_record if queued.leave is None else queued.leave
         return SplicePoint(queued.number, record)
 
     def end(self, record: int) -> SplicePoint:
@@ -264,7 +267,7 @@ class MotionQueue:
         try:
             self.feed()
         except StateError as error:
-            if isinstance(error, LateError) and leave.record == left.motion.last_record:
+            if isinstance(error, LateError) and leave.record >= left.motion.last_record:
                 return  # it begins when the one before has come to rest
             self._take_out(len(self._motions) - 1)
             raise
@@ -285,9 +288,11 @@ class MotionQueue:
                 if self.first.is_waiting(_SOON):
                     return  # the servo cannot forget a motion again
                 self._follow(queued, left)
-            feeder, last = queued.feeder, queued.last_record
+            feeder, last = queued.feeder, queued.leave
             if feeder is None:
                 return
+            if last is None:
+                last = queued.motion.rest_record
             while not feeder.has(last) and feeder.feed(BLOCK) == BLOCK:
                 self._servo.beat()
             if not feeder.has(last):
@@ -316,7 +321,7 @@ class MotionQueue:
         """Remove the motions that reached the servo too late, unless they follow at rest."""
         place = next(k for k, queued in enumerate(self._motions) if not queued.is_running)
         left = self._motions[place - 1]
-        if left.leave == left.motion.last_record:
+        if left.last_record >= left.motion.last_record:
             return []  # it begins when the one before has come to rest
         return self._take_out(place)
 
@@ -344,7 +349,7 @@ class MotionQueue:
         self._let_go(out)
         left.leave = None
         if left.feeder is not None:
-            left.feeder.leave_at(left.motion.last_record)
+            left.feeder.leave_at(left.motion.rest_record)
         return out
 
     def tend(self) -> None:
@@ -387,11 +392,14 @@ class MotionQueue:
         ended, *following = self.clear()
         is_fault = cycle.state is ServoState.FAULT
         self._endings.come_to_rest(fault_text if is_fault else "")
-        if is_fault or cycle.path_index != ended.final_index:
+        behind = cycle.path_index - ended.final_index
+        if is_fault or behind < 0:
             self._stop([ended, *following], fault_text if is_fault else STOPPED)
             return
         self._endings.arrive(ended, cycle, is_followed=bool(following))
-        if following:
+        if behind:
+            self._stop(following, STOPPED)
+        elif following:
             # It came to rest before the servo had heard of the next one.
             try:
                 self.resume(following)

@@ -261,7 +261,13 @@ class Retargeting:
             chosen, leave, motion = await self._take_over(queued, call, kind, late, leave)
         if motion is None:
             await self._await_stop(call)
-            plan_input = PlanInput(self._name, call.motion, self._held(), call.unix_ns)
+            plan_input = PlanInput(
+                self._name,
+                call.motion,
+                self._held(),
+                call.unix_ns,
+                tolerance=queued.options.blend,
+            )
             motion = await self._planners.plan(plan_input, call)
         await motion.arrive(self._queue.needed(motion.facts))
         queued.planned, queued.begins = motion, leave

@@ -79,6 +79,15 @@ class PlannedMotion:
         return self.facts.record_count - 1
 
     @property
+    def rest_record(self) -> int:
+        """The record at which a motion that begins at rest may follow.
+
+        After the last record the same one comes three times more.  By then the device is at rest
+        for differences over cycles, too.
+        """
+        return self.last_record + HISTORY
+
+    @property
     def event(self) -> bytes:
         """A serialised ``Event`` with plan, request and samples; empty if there is none in time."""
         try:
@@ -99,9 +108,10 @@ class PlannedMotion:
         """Return the first record from *earliest* on at which a motion that follows may begin."""
         facts = self.facts
         corner = min(
-            math.ceil(facts.last_passed / facts.period), round(facts.end_time / facts.period)
+            math.ceil(facts.last_passed / facts.period), int(facts.end_time / facts.period) - 1
         )
-        return max(earliest, min(corner, self.last_record), facts.record_count - _TAIL)
+        last = self.last_record
+        return max(min(earliest, last), min(corner, last), facts.record_count - _TAIL)
 
     def again(self) -> Self:
         """Return the motion with its first records, to be run from its beginning."""
@@ -117,22 +127,34 @@ class PlannedMotion:
 
         Args:
             first: down to -3: before the first record the device was where it came from.
-            count: how many.
+            count: how many, up to :attr:`rest_record`.
 
         Raises:
             ValueError: there are no such records, or they are not at hand.
         """
-        begin, end = self.at_hand
+        begin, end = self.at_hand[0], self._readable
         if count < 0 or first < begin or first + count > end:
             raise ValueError(
                 f"records must be within {begin} to {end}, got {first} to {first + count}"
             )
-        return self._file.read(first, count)
+        held = max(0, first + count - self.facts.record_count)
+        if not held:
+            return self._file.read(first, count)
+        known = max(0, count - held)
+        return self._file.read(first, known) + self._file.read(self.last_record, 1) * (
+            count - known
+        )
 
     def feed(self, first: int, count: int) -> bytes:
         """Return as many of *count* records as are at hand; ask for more if few are left."""
         self._look_ahead(first)
-        return self.read(first, min(count, self.at_hand[1] - first))
+        return self.read(first, min(count, self._readable - first))
+
+    @property
+    def _readable(self) -> int:
+        """The record after the last one that can be read."""
+        end = self.at_hand[1]
+        return self.rest_record + 1 if end == self.facts.record_count else end
 
     def start_at(self, record: int) -> bytes:
         """Return a record behind the three before it, for a motion that takes over there.

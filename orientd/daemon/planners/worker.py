@@ -36,6 +36,7 @@ from orientd.daemon.planners.task import (
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.planner import (
     HISTORY,
+    NOT_BLENDED,
     Frame,
     Keyframe,
     Motion,
@@ -136,6 +137,8 @@ class Worker:
                 motion_id=plan_input.motion_id,
                 unix_ns=plan_input.unix_ns,
             )
+            if plan_input.tolerance > 0.0:
+                motion = motion.noted(f"{NOT_BLENDED}: the device was at rest")
         known = self._known[plan_input.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)

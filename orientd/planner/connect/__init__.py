@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from orientd.planner.connect.connector import hold, join, join_in, try_joins, turn_to_stop
+from orientd.planner.connect.connector import (
+    hold,
+    join,
+    join_in,
+    sample_joins,
+    try_joins,
+    turn_to_stop,
+)
 from orientd.planner.connect.leads import (
     CONNECTIONS,
     SAME_PLACE,

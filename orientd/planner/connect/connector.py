@@ -21,7 +21,7 @@ from orientd.planner import refusal
 from orientd.planner.certify import limit_table
 from orientd.planner.state import State
 from orientd.planner.timing import KeyframePath
-from orientd.rotation import Floats, angle
+from orientd.rotation import Floats, angle, exp, multiply
 
 FACTORS = 5
 CONNECTOR_RESERVE = 0.96
@@ -90,6 +90,28 @@ def try_joins(
     )
     kernels.try_joins(begins, ends, durations, state_row(around), limit_table(limits), w, kept)
     return w, np.flatnonzero(kept)
+
+
+def sample_joins(q: Floats, w: Floats, shares: Floats) -> Floats:
+    """Return orientations on several joins at shares of their durations.
+
+    Args:
+        q: their initial orientations, shape ``(n, 4)``.
+        w: their half-angle increments, shape ``(n, 5, 3)``.
+        shares: in [0, 1], shape ``(m,)``.
+
+    Returns:
+        Shape ``(n, m, 4)``; the sign is continuous.
+    """
+    powers = np.arange(FACTORS + 1)
+    binomials = np.array([math.comb(FACTORS, k) for k in powers])
+    u = shares[:, None]
+    values = (binomials * u**powers * (1.0 - u) ** (FACTORS - powers)) @ _BASIS.T
+    orientations = np.repeat(q[:, None], len(shares), axis=1)
+    for factor in range(FACTORS):
+        turns = 2.0 * values[:, factor, None] * w[:, None, factor]
+        orientations = multiply(orientations, exp(turns))
+    return orientations
 
 
 def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) -> Trajectory:

@@ -12,5 +12,6 @@ from orientd.planner.path.position import (
     PositionPath,
     position_path,
     quintic,
+    quintics,
 )
 from orientd.planner.path.recorded_path import SAME_ANGLE, RecordedPath

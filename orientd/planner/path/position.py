@@ -147,6 +147,17 @@ class PositionPath:
         ]
         return PositionPath(np.append(time, self.breaks[piece + 1 :]), c, c[0, 0], self.last)
 
+    def until(self, time: float) -> PositionPath:
+        """Return the part before *time*."""
+        if self.is_held or time <= self.breaks[0]:
+            return PositionPath.held(self.first)
+        count = int(np.searchsorted(self.breaks, time))
+        if count == len(self.breaks):
+            return self
+        breaks = np.append(self.breaks[:count], time)
+        last = self.state(time)[0]
+        return PositionPath(breaks, self.coefficients[:count], self.first, last)
+
     def after_move_from(self, position: Floats, begin: float, end: float) -> PositionPath:
         """Return a move from *position* to the first point of this path, followed by this path.
 

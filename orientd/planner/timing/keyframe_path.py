@@ -74,6 +74,15 @@ class KeyframePath:
             times=self.times * factor,
         )
 
+    def since(self, time: float) -> KeyframePath:
+        """Return the part after *time*, s, which is then its time 0."""
+        return KeyframePath(
+            self.trajectory.restricted(time, self.duration).shifted(-time),
+            self.positions.since(time).delayed(-time),
+            self.times - time,
+            self.notes,
+        )
+
     def lasting(self, total: float) -> Self:
         """Return the same path, slowed down to *total* seconds.
 

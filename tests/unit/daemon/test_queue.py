@@ -1,21 +1,26 @@
 """Contents of the path ring for a motion queue, with a servo that the test controls."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from direct_planners import recorded, state_at
 
 from orientd import planner, rotation
+from orientd.daemon.device.event import EventKind
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import LateError, NotYetError
 from orientd.servo import TAIL_WORD, records_to_stop
-from orientd.stream import PATH_FLOATS, Command, SharedMemory
+from orientd.stream import PATH_FLOATS, Command, ServoState, SharedMemory
 
 PERIOD = 0.002
 
 
 class Link:
     """A servo that takes what it is told, or refuses that."""
+
+    fault_text, now = "", None
 
     def __init__(self):
         self.memory = SharedMemory.create(8192, 1024)
@@ -24,6 +29,9 @@ class Link:
 
     def beat(self):
         pass
+
+    def newest(self):
+        return self.now
 
     def running(self):
         return self.memory
@@ -90,6 +98,68 @@ def test_a_motion_that_cannot_be_blended_any_more_is_not_taken(link, refusal):
         motion_queue.append(QueuedMotion(second, number=2), SplicePoint(1, 20))
     assert motion_queue.last.number == 1
     assert motion_queue.last.last_record == first.last_record
+
+
+def test_behind_its_end_a_motion_has_setpoints_at_rest_for_the_next_one(link):
+    first = turn(0.5)
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=700)
+    motion_queue.begin(QueuedMotion(first, number=1))
+    end = state_at(first, first.last_record)
+    rest = SplicePoint(1, first.rest_record)
+    motion_queue.append(QueuedMotion(turn(0.5, end.q), number=2), rest)
+    command, fields = link.asked[-1]
+    assert (command, fields["leave_index"]) == (Command.SPLICE, first.last_record + 3)
+    last = first.read(first.last_record, 1)[: 8 * PATH_FLOATS]
+    for record in range(first.last_record, first.rest_record + 1):
+        assert link.read(record) == last
+
+
+def test_a_stop_between_two_motions_stops_only_the_second_one(link):
+    first, told = turn(0.5), []
+
+    def tell(kind, queued, _):
+        told.append((kind, queued.number))
+
+    motion_queue = MotionQueue(link, tell, lead=0.0, read_ahead=700)
+    motion_queue.begin(QueuedMotion(first, number=1))
+    end = state_at(first, first.last_record)
+    following = QueuedMotion(turn(0.5, end.q), number=2)
+    motion_queue.append(following, SplicePoint(1, first.rest_record))
+    place = first.last_record + 1
+    link.now = SimpleNamespace(
+        motion=1, path_index=place, state=ServoState.HOLDING, flags=0, index=place
+    )
+    motion_queue.tend()
+    assert told == [(EventKind.MOTION_DONE, 1), (EventKind.MOTION_STOPPED, 2)]
+
+
+@pytest.mark.parametrize("left", [0, 1, 5])
+def test_at_the_end_of_a_motion_another_one_takes_over_from_rest(link, left):
+    first = turn(0.5)
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=700)
+    motion_queue.begin(QueuedMotion(first, number=1))
+    cycle = SimpleNamespace(motion=1, path_index=first.last_record - left)
+    assert motion_queue.ahead(cycle, 5) == SplicePoint(1, first.rest_record)
+    start = state_at(first, first.rest_record)
+    assert start.is_at_rest
+    assert (start.before[0] == start.q).all()
+
+
+def test_a_motion_that_was_taken_out_leaves_room_for_another_one_from_rest(link):
+    first = turn(3.0)
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=300)
+    motion_queue.begin(QueuedMotion(first, number=1))
+    end = state_at(first, first.last_record)
+    for number in (2, 3):
+        following = QueuedMotion(turn(0.5, end.q), number=number)
+        motion_queue.append(following, SplicePoint(1, first.rest_record))
+        if number == 2:
+            assert motion_queue.withdraw(following, "stopped by a test")
+    while link.memory.path.head <= first.rest_record:
+        link.memory.path.words[TAIL_WORD] = link.memory.path.head - 20
+        motion_queue.feed()
+    command, fields = link.asked[-1]
+    assert (command, fields["leave_index"]) == (Command.SPLICE, first.rest_record)
 
 
 def test_a_motion_that_follows_at_rest_is_not_too_late(link):

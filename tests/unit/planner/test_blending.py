@@ -1,11 +1,14 @@
 """One motion after another: cut corners, within the tolerance and the limits."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, differences, rotations, vector
 from reference.aims import end_state, retarget
 
-from orientd.planner import Keyframe, Limits, MotionRequest, State, blend, plan
+from orientd.errors import StartError
+from orientd.planner import NOT_BLENDED, Keyframe, Limits, MotionRequest, State, blend, plan
 from orientd.rotation import angle, exp, multiply
 
 ARM = LIMITS["arm"]
@@ -108,7 +111,7 @@ def test_the_certificate_notes_the_blend():
 def test_without_tolerance_the_motions_meet_at_rest():
     first = first_motion(np.random.default_rng(5))
     record, second = blended(first, MotionRequest([keyframe(HERE)]), 0.0)
-    assert record == first.record_count - 1
+    assert record == first.recorded().last_record + 3
     assert second.start_state.is_at_rest
 
 
@@ -169,6 +172,182 @@ def test_the_position_rides_along():
     steps = np.diff(p_fine, n=3, axis=0) / fine**2
     assert np.linalg.norm(steps, axis=1).max() < 0.5
     assert p[-1] == pytest.approx([0.2, 0.4, 0.1])
+
+
+X, Y, Z = np.eye(3)
+LEGS = [HERE, exp(Z), multiply(exp(Z), exp(0.8 * X))]
+PLACES = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.1, 0.0)]
+SLOW = {
+    "a pace": {"pace": 0.12},
+    "a velocity": {"limits": Limits.partial(velocity=0.3)},
+    "a duration": {"duration": 3.5},
+    "times": {"times": (0.0, 3.5)},
+}
+
+
+def legs(*, has_positions=False, times=(None, None)):
+    """Return the keyframes of two motions that meet at a right angle."""
+    places = PLACES if has_positions else [None] * 3
+    first = [
+        keyframe(*pose[:1], position=pose[1], time=time)
+        for *pose, time in zip(LEGS[:2], places[:2], times, strict=True)
+    ]
+    second = [keyframe(q, position=place) for q, place in zip(LEGS[1:], places[1:], strict=True)]
+    return first, second
+
+
+def slow_and_quick(tolerance, slow, **options):
+    fields = dict(slow)
+    keys, following = legs(times=fields.pop("times", (None, None)), **options)
+    start = State.at_rest(HERE, PLACES[0])
+    first = plan(MotionRequest(keys, **fields), start=start, limits=ARM, period=PERIOD)
+    request = MotionRequest(following, approach=True)
+    return first, *blended(first, request, tolerance, earliest=50)
+
+
+def off_the_legs(sent):
+    """Return the farthest distances of setpoints from two straight legs, rad and m."""
+    shares = np.linspace(0.0, 1.0, 2000)[:, None]
+    turns = np.concatenate([exp(shares * Z), multiply(LEGS[1], exp(0.8 * shares * X))])
+    corners = np.array(PLACES)
+    moves = np.concatenate([a + shares * (b - a) for a, b in pairwise(corners)])
+    some = sent[::5]
+    away = 2.0 * np.arccos(np.minimum(np.abs(some[:, :4] @ turns.T), 1.0)).min(axis=1)
+    moved = np.linalg.norm(some[:, None, 10:13] - moves, axis=2).min(axis=1)
+    return away.max(), moved.max()
+
+
+@pytest.mark.parametrize("tolerance", [0.0873, 0.02])
+@pytest.mark.parametrize("has_positions", [False, True])
+@pytest.mark.parametrize("slow", SLOW)
+def test_a_blend_into_a_quicker_motion_stays_near_both(slow, has_positions, tolerance):
+    first, record, second = slow_and_quick(tolerance, SLOW[slow], has_positions=has_positions)
+    sent = records(first, record, second)
+    away, moved = off_the_legs(sent)
+    assert record < first.record_count - 1
+    assert away <= 1.01 * tolerance + 1e-3
+    if has_positions:
+        assert moved <= 1.01 * tolerance * 0.1 / 0.8 + 1e-4
+
+
+@pytest.mark.parametrize("slow", SLOW)
+def test_up_to_the_corner_a_blend_is_no_faster_than_the_motion_before(slow):
+    first, record, second = slow_and_quick(0.0873, SLOW[slow])
+    q = records(first, record, second)[:, :4]
+    corner = record + int(second.corner[0] / PERIOD)
+    speeds = differences(q, PERIOD)[0][3:]
+    usual = np.linalg.norm(first.rows(0, first.record_count)[:, 4:7], axis=1).max()
+    assert speeds[:corner].max() <= 1.011 * usual
+    assert speeds.max() > 2.0 * usual
+
+
+def test_up_to_the_corner_a_blend_keeps_the_acceleration_of_the_motion_before():
+    slow = {"limits": Limits.partial(velocity=0.3, acceleration=2.0)}
+    first, record, second = slow_and_quick(0.0873, slow)
+    assert record < first.record_count - 1
+    corner = record + int(second.corner[0] / PERIOD)
+    change = np.linalg.norm(
+        np.diff(records(first, record, second)[: corner + 1, 4:7], axis=0), axis=1
+    )
+    assert change.max() <= 1.001 * 2.0 * PERIOD
+
+
+def test_a_motion_of_narrower_limits_begins_from_rest():
+    keys, following = legs()
+    start = State.at_rest(HERE)
+    first = plan(MotionRequest(keys), start=start, limits=ARM, period=PERIOD)
+    for narrow in ({"acceleration": 1.0}, {"jerk": 30.0}, {"acceleration": 5.0, "jerk": 4000.0}):
+        request = MotionRequest(following, approach=True, limits=Limits.partial(**narrow))
+        corner = State.at_rest(LEGS[1])
+        alone = plan(request, start=corner, limits=ARM, period=PERIOD)
+        record, second = blended(first, request, 0.0)
+        assert record == first.recorded().last_record + 3
+        assert second.duration == alone.duration
+
+
+@pytest.mark.parametrize("has_positions", [False, True])
+@pytest.mark.parametrize("fraction", [0.0, 0.0007, 1e-7, 0.00199])
+def test_an_end_velocity_is_joined_wherever_the_motion_ends(fraction, has_positions):
+    end = 1.2 + fraction
+    keys = [exp(angle * Z) for angle in (0.0, 0.5, 1.0)]
+    places = PLACES if has_positions else [None] * 3
+    ahead, behind = (
+        [
+            keyframe(keys[k], position=places[k], time=time)
+            for k, time in zip(some, times, strict=True)
+        ]
+        for some, times in (((0, 1), (0.0, end)), ((1, 2), (0.0, 1.1)))
+    )
+    ahead = MotionRequest(ahead, end_velocity=(0.0, 0.0, 0.5))
+    start = State.at_rest(HERE, PLACES[0])
+    first = plan(ahead, start=start, limits=ARM, period=PERIOD)
+    request = MotionRequest(behind, start_velocity=(0.0, 0.0, 0.5))
+    record, second = blended(first, request, 0.0)
+    assert record * PERIOD <= end
+    sent = records(first, record, second)
+    assert_limits_are_kept(sent[:, :4])
+    # The corner is passed at its time, with its velocity, and the second motion has its times.
+    assert record * PERIOD + second.start_time == pytest.approx(end, abs=1e-9)
+    assert second.end_time - second.start_time == pytest.approx(1.1, abs=1e-9)
+    passed = second.sample([second.start_time])
+    assert angle(passed.q[0], keys[1]) < 1e-9
+    assert passed.omega_body[0] == pytest.approx((0.0, 0.0, 0.5), abs=1e-9)
+    if has_positions:
+        assert passed.position[0] == pytest.approx(PLACES[1], abs=1e-9)
+
+
+def test_a_motion_that_comes_too_late_for_an_end_velocity_is_refused_for_that():
+    keys = [exp(angle * Z) for angle in (0.0, 0.5, 1.0)]
+    ahead = MotionRequest([keyframe(q) for q in keys[:2]], end_velocity=(0.0, 0.0, 0.5))
+    first = plan(ahead, start=State.at_rest(HERE), limits=ARM, period=PERIOD)
+    request = MotionRequest([keyframe(q) for q in keys[1:]], start_velocity=(0.0, 0.0, 0.5))
+    with pytest.raises(StartError, match="too late to begin with the end velocity"):
+        blended(first, request, 0.0, earliest=int(first.end_time / PERIOD) + 1)
+
+
+def test_a_second_blend_begins_behind_the_first_one():
+    """Before that, the device is off the motion that it leaves."""
+    keys = [HERE]
+    for turn in (0.8 * Z, 1.0 * X, 0.8 * Y):
+        keys.append(multiply(keys[-1], exp(turn)))
+    requests = [MotionRequest([keyframe(q)]) for q in keys[1:]]
+    first = plan(requests[0], start=State.at_rest(HERE), limits=ARM, period=PERIOD)
+    _, second = blended(first, requests[1], 0.05)
+    record, third = blended(second, requests[2], 0.05)
+    assert third.corner is not None
+    assert second.joined > second.corner[0]
+    assert record * PERIOD >= second.joined - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("keys", "fields", "earliest", "why"),
+    [
+        ([LEGS[1], LEGS[2]], {}, 10_000, "too late"),
+        ([LEGS[1], LEGS[2]], {}, 274, "in the 0.002 s that were left of it"),
+        ([LEGS[1], LEGS[1]], {}, 0, "the orientation changes on one side of the corner only"),
+        ([LEGS[1], LEGS[2]], {"acceleration": 0.01}, 0, "keeps the limits of both"),
+    ],
+)
+def test_a_stop_for_want_of_a_blend_is_noted_with_its_reason(keys, fields, earliest, why):
+    first, _ = legs(has_positions=True)
+    start = State.at_rest(HERE, PLACES[0])
+    first = plan(MotionRequest(first), start=start, limits=ARM, period=PERIOD)
+    poses = zip(keys, PLACES[1:], strict=True)
+    request = MotionRequest(
+        [keyframe(q, position=place) for q, place in poses],
+        approach=True,
+        limits=Limits.partial(**fields) if fields else None,
+    )
+    record, second = blended(first, request, 0.1, earliest=earliest)
+    assert record == first.recorded().last_record + 3
+    (note,) = (one for one in second.certificate.notes if one.startswith(NOT_BLENDED))
+    assert why in note
+
+
+def test_a_tolerance_too_small_for_any_blend_is_named():
+    first, record, second = slow_and_quick(1e-7, SLOW["a pace"], has_positions=True)
+    assert record == first.recorded().last_record + 3
+    assert "is further than 1e-07 rad or" in second.certificate.notes[-1]
 
 
 def test_nonsense_is_refused():
