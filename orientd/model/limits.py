@@ -320,11 +320,11 @@ class Limits:
         jerks = [min(j, _STEEPEST / period * a) for j, a in zip(own[8:12], most, strict=True)]
         return _of((*speeds, *most, *jerks, own[12], min(own[13], own[12] / rise)))
 
-    @lru_cache(maxsize=256)  # noqa: B019 - bounded
     def lower(self, others: Limits) -> Limits:
         """Return the lower one of each of these limits and *others*."""
         return _of(list(map(min, self.numbers(), others.numbers())))
 
+    @lru_cache(maxsize=256)  # noqa: B019 - bounded
     def times(self, **factors: float) -> Limits:
         """Return the limits multiplied by factors, given by the names of :data:`UNITS`."""
         numbers = zip(_TABLE, self.numbers(), strict=True)
