@@ -141,3 +141,37 @@ def test_of_two_targets_at_a_position_the_one_that_is_there_now_is_meant(tmp_pat
         found = find_pass(targets, NOW, great_circle(10.0, 2.0))
         assert found is not None
         assert found.target is first
+
+
+def low_orbit(since, top):
+    """Return unit vectors of a target 500 km high that culminates at *top* degrees at time 0.
+
+    The earth is a sphere that does not turn, and the orbit a circle.
+    """
+    earth, orbit = 6378.0, 6878.0
+    rate, elevation = math.sqrt(398600.4 / orbit**3), math.radians(top)
+    aside = math.acos(earth / orbit * math.cos(elevation)) - elevation
+    along = rate * np.asarray(since)
+    up = orbit * math.cos(aside) * np.cos(along) - earth
+    north = orbit * math.sin(aside) * np.cos(along)
+    away = np.stack([north, -orbit * np.sin(along), up], axis=-1)
+    return away / np.linalg.norm(away, axis=-1, keepdims=True)
+
+
+@pytest.mark.parametrize(("step", "most"), [(1.0, 1e-3), (10.0, 1e-3), (30.0, 0.1)])
+@pytest.mark.parametrize("top", [30.0, 60.0, 85.0])
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+def test_a_target_stays_on_its_path_between_coarse_rows(tmp_path, step, most, top, jitter):
+    since = np.arange(-400.0, 400.0, step) + 0.3 * step
+    since += jitter * step * np.random.default_rng(1).uniform(-1.0, 1.0, len(since))
+    (target,) = table_of(tmp_path, NOW + since, low_orbit(since, top))
+    fine = np.linspace(since[0], since[-1], 2000)[1:-1]
+    apart = np.linalg.norm(target.at(NOW + fine) - low_orbit(fine, top), axis=1)
+    assert math.degrees(apart.max()) < most * (1.0 + 3.0 * (jitter > 0.0))
+
+
+def test_nothing_is_known_of_a_target_before_and_after_its_table(tmp_path):
+    since = np.arange(0.0, 100.0, 10.0)
+    (target,) = table_of(tmp_path, NOW + since, low_orbit(since, 60.0))
+    places = target.at(NOW + np.array([-0.01, 0.0, 90.0, 90.01]))
+    assert np.isnan(places).any(axis=1).tolist() == [True, False, False, True]
