@@ -13,6 +13,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
 
+_ROUNDING = 1e-9
+"""Rounding of an angle at the end of a range, rad."""
+
 
 class Reserve(NamedTuple):
     """Distance of the axes from one of their singularities.
@@ -217,7 +220,7 @@ def inside(axes: Sequence[AxisLimits], joints: Joints, near: Joints) -> Joints |
     """
     found = []
     for axis, angle, aim in zip(axes, joints, near, strict=True):
-        low, high = axis.low - axis.resolution, axis.high + axis.resolution
+        low, high = axis.low - _ROUNDING, axis.high + _ROUNDING
         least, most = ceil((low - angle) / tau), floor((high - angle) / tau)
         if least > most:
             return None
