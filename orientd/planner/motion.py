@@ -191,10 +191,11 @@ class Motion(Drawable):
         return RecordedMotion(self.facts, rows, first)
 
     def noted(self, *notes: str) -> Motion:
-        """Return the same motion with more notes in its certificate."""
+        """Return the same motion with more notes in its certificate, each of them once."""
         if not notes:
             return self
-        certificate = replace(self.certificate, notes=(*self.certificate.notes, *notes))
+        once = dict.fromkeys((*self.certificate.notes, *notes))
+        certificate = replace(self.certificate, notes=tuple(once))
         return replace(self, certificate=certificate)
 
     def state_at(self, record: int) -> State:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
@@ -23,6 +23,7 @@ from orientd.planner.job import PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath, end_states
+from orientd.planner.remarks import excess, remarked
 from orientd.planner.resolve import resolved
 from orientd.planner.state import State
 from orientd.planner.timing import (
@@ -44,16 +45,7 @@ EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 _FAR_LONGER = 4.0
 """Multiple of the stop time: the usual duration of a curve that is hardly faster than stops."""
 
-_FAR_SLOWER = 4.0
-"""Multiple of the stop time above which a note says that the motion is slow."""
-
-SLOW = (
-    f"slower than its limits allow, so that a stop on the path takes {LONGEST_STOP:g} s: with such "
-    "an acceleration it takes that long from a higher velocity"
-)
-
 _QUANTITIES = {unit: name for name, unit in UNITS.items()}
-_MUCH = 0.9  # tolerance of a limit, and of the longest stop
 _WHOLE = 1.0 + 1e-6  # of a limit
 _MOST_OVER = 1.1  # largest excess of a limit for which to slow a timing down
 _SLOWER = 0.999  # change of the speed, of the first timing or from one to the next
@@ -126,7 +118,7 @@ def plan(
         )
     try:
         job = PlanJob.of(resolved(request, start, within), start, within, period)
-        return _told_of_stops(_quickest(job, name))
+        return remarked(resting.compared(job, _quickest(job, name)))
     except PlanError as error:
         refusal.name_pace(error, request.pace)
         raise
@@ -198,6 +190,8 @@ def _quickest(job: PlanJob, name: str) -> Motion:
     else:
         _along_curve(job, name, tried)
         _with_stops(job, name, tried)
+    if any(job.ends.moves) and not request.is_single:
+        _braking(job, name, tried)
     if tried.best is None and job.ends.alpha_start is not None and job.ends.alpha_start.any():
         # A curve that begins with the acceleration of the device may swing out.  A connector can
         # take it from there onto another one.
@@ -316,7 +310,7 @@ def _rests_noted(job: PlanJob, path: KeyframePath, rests: int) -> str:
 
 
 def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
-    """Try to stop at every keyframe; note if that would take far less time."""
+    """Try to stop at every keyframe."""
     request, took = job.request, tried.took_keyframes
     if request.total is not None or request.positions is not None or request.turns.any():
         return
@@ -334,14 +328,6 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
             return motion.noted(resting.STOPS) if len(request.keyframes) > 2 else motion
 
         tried.attempt("a stop at every keyframe", stopping)
-    elif tried.best is not None and took >= _FAR_SLOWER * least:
-        stops = resting.with_stops(job, job.limits).duration
-        if took >= _FAR_SLOWER * stops:
-            tried.best = tried.best.noted(
-                f"takes {took:.4g} s from the first keyframe to the last: with a stop at every "
-                f"keyframe the turns would take {stops:.4g} s; another method or other velocities "
-                "may be quicker"
-            )
 
 
 def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
@@ -386,28 +372,60 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
 
 
 def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
-    """Try to connect two moving keyframes in a given duration.
-
-    Raises:
-        PlanError: the fastest connection takes longer, or the duration lies between two feasible
-            ones.
-    """
+    """Try to connect two moving keyframes in a given duration."""
 
     def slower(path: KeyframePath) -> Motion:
         return _timed(job, path, None, name, has_rests=False).noted(resting.CONNECTS)
 
-    def waiting(connectors: resting.Connectors) -> Motion:
-        return job.motion(resting.connected(job, connectors, None), name, resting.WAITS)
-
-    for path in resting.unhurried(job, total):
+    try:
+        paths = resting.unhurried(job, total)
+    except PlanError as error:
+        tried.refused["a slower connector"] = error
+        return
+    for path in paths:
         if tried.best is None:
             tried.attempt("a slower connector", partial(slower, path))
-    rests = resting.with_a_rest(job)
-    for one in rests:
-        if tried.best is None:
-            tried.attempt("a rest on its way", partial(waiting, one))
+
+
+def _braking(job: PlanJob, name: str, tried: _Tried) -> None:
+    """Try to brake next to moving ends, if the curve was refused, swings out or is slow.
+
+    Raises:
+        PlanError: no motion of the requested duration was found; it names one that was.
+    """
+    swinging, total = tried.best, job.request.total
+    is_swinging = swinging is not None and resting.swings(job, swinging)
+    if swinging is not None and not is_swinging:
+        is_free = total is None and job.request.times is None
+        about = resting.about_with_braking(job) if is_free else math.inf
+        if not tried.refused and resting.WORTH * tried.took_keyframes < about:
+            return
+    other = _Tried(None if is_swinging else swinging)
+
+    def braking() -> Motion:
+        return job.motion(resting.braking(job, partial(_quickest, name=name)), name)
+
+    other.attempt("a stop next to the moving ends", braking)
+    tried.refused = other.refused | tried.refused
+    if other.best is not None and (
+        swinging is None
+        or other.best.duration < swinging.duration
+        or excess(other.best).sum() < excess(swinging).sum()
+    ):
+        tried.best = other.best
+    if tried.best is not None or total is None:
+        return
+    # The duration lies between two feasible ones, or below all of them.
+    free = replace(job, request=replace(job.request, duration=None), _leads={})
+    quickest = _quickest(free, name)
+    refusal.check_total(total, quickest.end_time - quickest.start_time)
+
+    def waiting() -> Motion:
+        return job.motion(resting.waiting(job, quickest), name, resting.WAITS)
+
+    tried.attempt("a wait at the end at rest", waiting)
     if tried.best is None:
-        raise refusal.of_duration(total, [sum(one.durations) for one in rests])
+        raise refusal.of_duration(total, other.refused)
 
 
 def _as_timed(job: PlanJob, name: str) -> Motion:
@@ -606,15 +624,3 @@ def _lowered(limits: Limits, unit: str, over: float, path: KeyframePath) -> Limi
 
 def _is_curve(path: KeyframePath) -> bool:
     return isinstance(path, QuickPath) and path.profile is not None
-
-
-def _told_of_stops(motion: Motion) -> Motion:
-    """Return the motion, with a note if it is slower than its limits for the sake of stops.
-
-    This concerns devices whose stops take long even with the full acceleration.
-    """
-    found = motion.certificate
-    is_slower = max(found.peak_velocity.ratio, found.peak_acceleration.ratio) < _MUCH
-    if not (motion.request.is_quickest and found.stop_time > _MUCH * LONGEST_STOP and is_slower):
-        return motion
-    return motion.noted(SLOW)

@@ -53,16 +53,24 @@ class JoinError(PlanError):
 
 
 class TotalError(PlanError):
-    """The keyframes take longer than the requested duration."""
+    """The keyframes take longer than the requested duration.
+
+    Attributes:
+        least: their shortest duration, s.
+    """
+
+    def __init__(self, total: float, least: float) -> None:
+        super().__init__(
+            f"the keyframes take at least {least:.6g} s, got a duration of {total:g} s"
+        )
+        self.least = least
 
 
 def check_total(total: float, least: float) -> None:
     """Raise :class:`TotalError` for a duration shorter than the fastest, s; or for one of days."""
     check_duration(total)
     if total < least * (1.0 - _ROUNDING):
-        raise TotalError(
-            f"the keyframes take at least {least:.6g} s, got a duration of {total:g} s"
-        )
+        raise TotalError(total, least)
 
 
 def check_duration(duration: float) -> None:
@@ -231,10 +239,10 @@ def of_any_duration(start: State, limits: Limits) -> PlanError:
     return PlanError(problem)
 
 
-def of_duration(total: float, possible: list[float]) -> PlanError:
+def of_duration(total: float, refused: Mapping[str, PlanError]) -> PlanError:
     """Return the refusal of a duration, s, that lies between feasible ones."""
     problem = f"no motion of {total:g} s was found that keeps the velocities at both ends"
-    longer = min((one for one in possible if one > total), default=None)
+    longer = next((one.least for one in refused.values() if isinstance(one, TotalError)), None)
     return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer else problem)
 
 

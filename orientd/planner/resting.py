@@ -8,14 +8,16 @@ goes from rest to rest.  If two keyframes both have velocities, a single connect
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import cast
 
 import numpy as np
 
 from orientd.curves import Trajectory
+from orientd.errors import PlanError
 from orientd.model import DEFAULT_METHOD, LONGEST, Keyframe, Limits, MotionRequest
 from orientd.planner import refusal
 from orientd.planner.connect import (
@@ -23,12 +25,14 @@ from orientd.planner.connect import (
     Connection,
     approach,
     hold,
+    lead_out,
     turn_to_stop,
 )
 from orientd.planner.job import PlanJob
 from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
+from orientd.planner.remarks import SWING, excess
 from orientd.planner.state import State
 from orientd.planner.timing import SAME, SHARE, KeyframePath
 from orientd.rotation import Floats, angle, log
@@ -36,7 +40,8 @@ from orientd.rotation import between as turn_between
 
 STOPS = "stops at every keyframe: this takes less time than the curve through them"
 CONNECTS = "a connector joins both keyframes, in place of the curve between them"
-WAITS = "rests on its way, since it was given that much time"
+BRAKES = "brakes next to its moving ends: the curve turns further, takes longer, or breaks a limit"
+WAITS = "waits at the end that is at rest: no slower motion was found"
 
 WORTH = 0.95
 """Share of a duration that is worth going without the reserve."""
@@ -46,6 +51,9 @@ _AHEAD = 0.7
 
 _NEAR = 1.25
 """Targets closer than this many stopping distances may be overshot."""
+
+_SLOWER = 1.2
+"""Multiple of the duration of single moves from which on a note says so."""
 
 _WHOLE = 1e-9  # of a period, and of a duration
 _SLOWEST = 0.1  # lowest pace in the search for a longer connector
@@ -115,21 +123,18 @@ class Connectors:
     rests: tuple[int, int]
 
     @classmethod
-    def of(
-        cls, job: PlanJob, connection: Connection = USUAL, rests: tuple[int, int] | None = None
-    ) -> Connectors:
+    def of(cls, job: PlanJob, connection: Connection = USUAL) -> Connectors:
         """Return the connectors that are found.
 
         Args:
             job: the input of the plan.
             connection: how to connect.
-            rests: the first and the last keyframe to rest at; by default those next to moving ends.
 
         Raises:
             PlanError: a connector was not found.
         """
-        keys, (begin, end) = job.request.keys, _end_states(job)
-        first, last = rests = rests or resting_keyframes(job)
+        keys, (begin, end) = job.request.keys, states_at_ends(job)
+        first, last = rests = resting_keyframes(job)
         if first > last:
             return cls(job.connected(begin, end, connection).parts, (), rests)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
@@ -180,14 +185,49 @@ def job_between(job: PlanJob) -> PlanJob | None:
     )
 
 
-def with_a_rest(job: PlanJob) -> list[Connectors]:
-    """Return the connectors of two moving keyframes with a rest at one of them.
+def single_moves(job: PlanJob) -> float:
+    """Return the duration of single moves with a rest at every keyframe, leads included, s.
 
-    Raises:
-        PlanError: one was not found.
+    It is infinite if one of them is refused.
     """
-    found = [Connectors.of(job, rests=(at, at)) for at in (0, 1)]
-    return sorted(found, key=lambda one: sum(one.durations))
+    request, keys = job.request, job.request.keys
+    begin, end = states_at_ends(job)
+    places = np.repeat(job.halt.last[None], len(keys), axis=0)
+    if request.positions is not None:
+        is_given = np.isfinite(request.positions[:, 0])
+        places = request.positions[is_given][np.maximum(np.cumsum(is_given) - 1, 0)]
+    rests = [State.at_rest(*pair) for pair in zip(keys[1:-1], places[1:-1], strict=True)]
+    begin, end = replace(begin, position=places[0]), replace(end, position=places[-1])
+    try:
+        total = job.lead_to(begin).cycles * job.period if request.approach else 0.0
+        for one, other in pairwise([begin, *rests, end]):
+            is_turn = request.positions is None and one.is_at_rest and other.is_at_rest
+            if is_turn:
+                turn = approach(one.q, other.q, job.limits)
+                total += 0.0 if turn is None else turn.duration
+            else:
+                total += job.connected(one, other).cycles * job.period
+        return total + sum(part.duration for part in job.leads_out(end, 0.0))
+    except PlanError:
+        return math.inf
+
+
+def compared(job: PlanJob, motion: Motion) -> Motion:
+    """Return the motion, with a note if single moves would take far less time."""
+    request, took = job.request, motion.duration
+    is_free = request.is_quickest and request.total is None and not request.turns.any()
+    has_stopped = can_rest(job) and not any(job.ends.moves)  # a stop everywhere was tried
+    if request.is_single or not is_free or has_stopped or job.is_taken_over:
+        return motion
+    if took < _SLOWER * least_with_stops(request.keys, job.limits):
+        return motion
+    moves = single_moves(job)
+    if took < _SLOWER * moves:
+        return motion
+    return motion.noted(
+        f"takes {took:.4g} s: single moves with a stop at every keyframe would take {moves:.4g} s; "
+        "another method or other velocities may be quicker"
+    )
 
 
 def times_with_rests(job: PlanJob) -> tuple[float, float]:
@@ -234,8 +274,7 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
     elif duration > _WHOLE * job.period:
         inner = [hold(job.request.keys[first], duration)]
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
-    is_pair = len(job.request.keys) == 2 and bool(head and tail)
-    times = [begin, end] if is_pair else [begin, before + passed, end]
+    times = [begin, before + passed, end]
     return _laid(job, [head, inner, tail], np.concatenate(times), notes)
 
 
@@ -249,7 +288,7 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
         TotalError: the fastest takes longer.
         PlanError: none was found.
     """
-    begin, end = _end_states(job)
+    begin, end = states_at_ends(job)
     slow, fast = _SLOWEST, 1.0
     paths: list[KeyframePath] = []
     for _ in range(_BISECTIONS):
@@ -269,7 +308,153 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
     return sorted(paths, key=lambda path: -path.duration)
 
 
-def _end_states(job: PlanJob) -> tuple[State, State]:
+def swings(job: PlanJob, motion: Motion) -> bool:
+    """Return whether a motion swings out or makes whole turns between its keyframes.
+
+    Stopping at a moving end and turning back from there is not counted.
+    """
+    further = excess(motion)[1:-1]
+    for part, state in zip((0, -1), states_at_ends(job), strict=True):
+        further[part] -= 2.0 * turn_to_stop(state, job.limits)
+    return float(further.max()) > SWING
+
+
+def braking(job: PlanJob, plan_it: Callable[[PlanJob], Motion]) -> KeyframePath:
+    """Return the path that brakes after a moving first keyframe, and runs up to a moving last one.
+
+    The part between is planned from rest to rest.  So it turns the short way, and can take any
+    time.
+
+    Args:
+        job: has a moving end.
+        plan_it: plans the part between.
+
+    Raises:
+        TotalError: it takes longer than the requested duration.
+        PlanError: the times leave no room to brake, or the part between was refused.
+    """
+    request, period = job.request, job.period
+    stop, run_up, keys = _stops_at_ends(job)
+    before, after = (0.0 if part is None else part.duration for part in (stop, run_up))
+    between = plan_it(_from_rest_to_rest(job, keys, before, after))
+    is_led_out = between.end_time < (1.0 - _WHOLE) * between.duration
+    if is_led_out or not isinstance(between.path, Path):
+        raise PlanError(f"{request.method} does not come to rest at its last keyframe")
+    duration = between.duration
+    if request.total is not None:
+        refusal.check_total(request.total, before + duration + after)
+        duration = max(request.total - before - after, duration)
+    elif request.times is None and run_up is not None:
+        # A velocity begins at a record.
+        duration = math.ceil(duration / period - _WHOLE) * period
+    factor, inner = duration / between.duration, between.path.trajectory.slowed(duration)
+    parts = [inner.shifted(before)]
+    if stop is not None:
+        parts.insert(0, stop)
+    if run_up is not None:
+        parts.append(run_up.shifted(before + duration))
+    positions = between.path.positions
+    positions = positions if positions.is_held else positions.slowed(factor).delayed(before)
+    times = before + factor * between.keyframe_times
+    times[0], times[-1] = 0.0, before + duration + after
+    notes = (BRAKES, *between.certificate.notes)
+    return KeyframePath(Trajectory.joined(parts), positions, times, notes)
+
+
+def about_with_braking(job: PlanJob) -> float:
+    """Return about how long the path of :func:`braking` takes with a stop at every keyframe, s."""
+    try:
+        stop, run_up, keys = _stops_at_ends(job)
+    except PlanError:
+        return math.inf
+    leads = sum(part.duration for part in (stop, run_up) if part is not None)
+    return leads + least_with_stops(keys, job.limits)
+
+
+def _stops_at_ends(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, Floats]:
+    """Return the stop after the first keyframe, the run-up to the last, and the keyframes between.
+
+    Raises:
+        PlanError: a position moves, or one of them was not found.
+    """
+    if job.is_taken_over:
+        raise PlanError("a position that moves does not wait for the tool to brake")
+    begin, end = states_at_ends(job)
+    find, (starts, ends) = partial(lead_out, limits=job.limits, period=job.period), job.ends.moves
+    stop = find(begin, may_ramp=True) if starts else None
+    run_up = find(replace(end, omega_body=-end.omega_body)).reversed() if ends else None
+    keys = job.request.keys.copy()
+    keys[0] = begin.q if stop is None else stop.ends()[0][1]
+    keys[-1] = end.q if run_up is None else run_up.ends()[0][0]
+    return stop, run_up, keys
+
+
+def _from_rest_to_rest(job: PlanJob, keys: Floats, before: float, after: float) -> PlanJob:
+    """Return the job of the part between the stop and the run-up at moving ends.
+
+    Args:
+        keys: its keyframes, shape ``(n, 4)``.
+        before: duration of the stop, s.
+        after: duration of the run-up, s.
+    """
+    request, times = job.request, job.request.times
+    if times is not None:
+        times = times.copy()
+        times[0], times[-1] = times[0] + before, times[-1] - after
+        if (np.diff(times) <= 0.0).any():
+            raise PlanError(
+                f"the times leave no room to brake in {before:.4g} s from the first velocity and "
+                f"to run up in {after:.4g} s to the last one"
+            )
+    is_turn = len(keys) == 2
+    keyframes = [
+        Keyframe(tuple(q), None if times is None else float(times[index]), one.position, one.turns)
+        for index, (q, one) in enumerate(zip(keys.tolist(), request.keyframes, strict=True))
+    ]
+    part = replace(
+        request, keyframes=keyframes, start_velocity=None, end_velocity=None, approach=False,
+        duration=None, limits=None, notes=(), method=DEFAULT_METHOD if is_turn else request.method,
+        options={} if is_turn else request.options,
+    )  # fmt: skip
+    given = [one.position for one in keyframes if one.position is not None]
+    here = State.at_rest(keys[0], given[0] if given else job.halt.last)
+    return PlanJob.of(part, here, job.own, job.period)
+
+
+def waiting(job: PlanJob, motion: Motion) -> KeyframePath:
+    """Return the path of a motion between the keyframes, with a wait at an end that is at rest.
+
+    Args:
+        job: has a duration, and one end at rest.
+        motion: of the same request without a duration.
+
+    Raises:
+        TotalError: it takes longer than the requested duration.
+        PlanError: both ends move.
+    """
+    starts, ends = job.ends.moves
+    if (starts and ends) or job.request.total is None or not isinstance(motion.path, Path):
+        raise PlanError("the motion does not rest at either end")
+    begin, end = motion.start_time, motion.end_time
+    refusal.check_total(job.request.total, end - begin)
+    wait = job.request.total - (end - begin)
+    inner = motion.path.trajectory.restricted(begin, end).shifted(-begin)
+    positions = motion.path.positions.since(begin).delayed(-begin)
+    times = motion.keyframe_times - begin
+    if wait <= _WHOLE * job.request.total:
+        return KeyframePath(inner, positions, times, motion.certificate.notes)
+    held = hold(job.request.keys[0 if ends else -1], wait)
+    if ends:
+        parts = [held, inner.shifted(wait)]
+        times, positions = times + wait, positions.delayed(wait)
+        times[0] = 0.0
+    else:
+        parts = [inner, held.shifted(end - begin)]
+        times[-1] = job.request.total
+    return KeyframePath(Trajectory.joined(parts), positions, times, motion.certificate.notes)
+
+
+def states_at_ends(job: PlanJob) -> tuple[State, State]:
     """Return the states at the first and the last keyframe."""
     ends, keys, zero = job.ends, job.request.keys, np.zeros(3)
     vectors = (ends.omega_start, ends.alpha_start, ends.omega_end)

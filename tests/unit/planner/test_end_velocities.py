@@ -276,13 +276,13 @@ def test_stops_beside_a_moving_end_are_noted():
     assert all(late > early for early, late in pairwise(motion.keyframe_times))
 
 
-def test_a_curve_that_takes_far_longer_than_stops_says_so():
+def test_a_curve_that_swings_out_gives_way_to_a_stop_next_to_its_moving_end():
     keys = quaternions([ORIGIN, [0.0008, 0.0027, 0.002], [-0.5134, 0.0359, -1.905]])
     ends, limits = [(-0.062, -0.355, -0.209), None], Limits(0.5, 2.0, 50.0, 1.0, 10.0)
     motion = planned(keys, ends, limits, method="minimum_effort")
-    took = motion.end_time - motion.start_time
-    assert took > 30.0
-    assert any("with a stop at every keyframe" in note for note in motion.certificate.notes)
+    # The curve alone takes more than 30 s.
+    assert motion.duration <= 1.1 * chain(keys, ends, limits)
+    check(motion, keys, ends, limits)
 
 
 @pytest.mark.parametrize("name", LIMITS)
