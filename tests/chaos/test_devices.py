@@ -48,9 +48,9 @@ def begin(stage, number, generator):
 @pytest.mark.parametrize("name", ["ur", "dynamixel"])
 def test_a_device_is_lost(tmp_path, name, harm):
     pytest.importorskip("rtde_control" if name == "ur" else "dynamixel_sdk")
-    word = {"kill": "SIGKILL", "stop": "SIGSTOP, SIGCONT"}[harm.__name__]
+    signals = {"kill": "SIGKILL", "stop": "SIGSTOP, SIGCONT"}[harm.__name__]
     tally = Tally(
-        f"`orientd sim {name}`: {word}", 60 + (name != "ur"),
+        f"`orientd sim {name}`: {signals}", 60 + (name != "ur"),
         "fault in time and with its reason, setpoints within limits, status, reset, a motion",
     )  # fmt: skip
 
