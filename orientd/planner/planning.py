@@ -377,14 +377,20 @@ def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
     def slower(path: KeyframePath) -> Motion:
         return _timed(job, path, None, name, has_rests=False).noted(resting.CONNECTS)
 
+    def rested(connectors: resting.Connectors) -> Motion:
+        return job.motion(resting.connected(job, connectors, None), name, resting.RESTS)
+
     try:
-        paths = resting.unhurried(job, total)
+        paths, rests = resting.unhurried(job, total), resting.with_a_rest(job)
     except PlanError as error:
         tried.refused["a slower connector"] = error
         return
     for path in paths:
         if tried.best is None:
             tried.attempt("a slower connector", partial(slower, path))
+    for one in rests:
+        if tried.best is None:
+            tried.attempt(f"a rest at keyframes[{one.rests[0]}]", partial(rested, one))
 
 
 def _braking(job: PlanJob, name: str, tried: _Tried) -> None:
@@ -425,7 +431,7 @@ def _braking(job: PlanJob, name: str, tried: _Tried) -> None:
 
     tried.attempt("a wait at the end at rest", waiting)
     if tried.best is None:
-        raise refusal.of_duration(total, other.refused)
+        raise refusal.of_duration(total, tried.refused)
 
 
 def _as_timed(job: PlanJob, name: str) -> Motion:

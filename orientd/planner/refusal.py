@@ -242,7 +242,8 @@ def of_any_duration(start: State, limits: Limits) -> PlanError:
 def of_duration(total: float, refused: Mapping[str, PlanError]) -> PlanError:
     """Return the refusal of a duration, s, that lies between feasible ones."""
     problem = f"no motion of {total:g} s was found that keeps the velocities at both ends"
-    longer = next((one.least for one in refused.values() if isinstance(one, TotalError)), None)
+    least = [one.least for one in refused.values() if isinstance(one, TotalError)]
+    longer = min((one for one in least if one > total), default=None)
     return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer else problem)
 
 

@@ -1,7 +1,7 @@
 """Notes on a planned motion that its request does not lead one to expect.
 
-They say that it turns further than the short way, that another limit than that of its position, or
-of its rotation, sets the speed, or that stops make it slow.
+They say that it turns further than the short way, or that stops make it slow.  They also say which
+limit makes the position slow, or the rotation.
 """
 
 from __future__ import annotations

@@ -41,6 +41,7 @@ from orientd.rotation import between as turn_between
 STOPS = "stops at every keyframe: this takes less time than the curve through them"
 CONNECTS = "a connector joins both keyframes, in place of the curve between them"
 BRAKES = "brakes next to its moving ends: the curve turns further, takes longer, or breaks a limit"
+RESTS = "rests on its way, since it was given that much time"
 WAITS = "waits at the end that is at rest: no slower motion was found"
 
 WORTH = 0.95
@@ -123,18 +124,21 @@ class Connectors:
     rests: tuple[int, int]
 
     @classmethod
-    def of(cls, job: PlanJob, connection: Connection = USUAL) -> Connectors:
+    def of(
+        cls, job: PlanJob, connection: Connection = USUAL, rests: tuple[int, int] | None = None
+    ) -> Connectors:
         """Return the connectors that are found.
 
         Args:
             job: the input of the plan.
             connection: how to connect.
+            rests: the first and the last keyframe to rest at; by default those next to moving ends.
 
         Raises:
             PlanError: a connector was not found.
         """
         keys, (begin, end) = job.request.keys, states_at_ends(job)
-        first, last = rests = resting_keyframes(job)
+        first, last = rests = rests or resting_keyframes(job)
         if first > last:
             return cls(job.connected(begin, end, connection).parts, (), rests)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
@@ -183,6 +187,16 @@ def job_between(job: PlanJob) -> PlanJob | None:
     return replace(
         job, request=request, start=start, ends=Ends(), halt=halt, notes=(), offset=first
     )
+
+
+def with_a_rest(job: PlanJob) -> list[Connectors]:
+    """Return the connectors of two moving keyframes with a rest at one of them.
+
+    Raises:
+        PlanError: one was not found.
+    """
+    found = [Connectors.of(job, rests=(at, at)) for at in (0, 1)]
+    return sorted(found, key=lambda one: sum(one.durations))
 
 
 def single_moves(job: PlanJob) -> float:
@@ -274,7 +288,8 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
     elif duration > _WHOLE * job.period:
         inner = [hold(job.request.keys[first], duration)]
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
-    times = [begin, before + passed, end]
+    is_pair = len(job.request.keys) == 2 and bool(head and tail)
+    times = [begin, end] if is_pair else [begin, before + passed, end]
     return _laid(job, [head, inner, tail], np.concatenate(times), notes)
 
 

@@ -10,6 +10,7 @@ Run it from the folder ``tests``: ``python -m bench.requests [count] [first seed
 import sys
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -190,7 +191,7 @@ def further(q, keys, begin, end, ends, limits, period):
         begin: time of the first keyframe, s; *end* is that of the last.
         ends: angular velocities at both, or ``None``.
     """
-    first, last = int(np.floor(begin / period)), int(np.ceil(end / period))
+    first, last = int(np.floor(begin / period)), min(int(np.ceil(end / period)), len(q) - 1)
     path = float(_angles(q[first:last], q[first + 1 : last + 1]).sum())
     speeds = [0.0 if omega is None else float(np.linalg.norm(omega)) for omega in ends]
     braking = sum(2.0 * stopping_way(speed, limits) for speed in speeds)
@@ -335,7 +336,8 @@ def judged_plan(case, *, compares=False):
         return Verdict(case, str(error), why, seconds=time.thread_time() - begin)
     took, slower = time.thread_time() - begin, np.nan
     if compares and not request.has_times and case.factor is None:
-        slower = (motion.end_time - motion.start_time) / float(chain(case).sum())
+        with suppress(PlanError):
+            slower = (motion.end_time - motion.start_time) / float(chain(case).sum())
     return Verdict(case, "", "", tuple(faults(motion, case)), slower, took)
 
 
