@@ -43,8 +43,9 @@ _FEW_SHARES = np.array([0.5, 0.6, 0.8, 1.0])  # for a computed timing
 _SLOWEST = 0.05  # least rate of the second motion at which to join it
 _NEARLY = 0.99  # share of a velocity that counts as all of it
 _TRIES = 8  # blends with a computed timing
-_POINTS = 33  # of a blend at which its distances are taken
-_LEG = 24  # points of either motion, between which it counts as straight
+_POINTS = 65  # of a blend at which its distances are taken
+_LEG = 16  # points of either motion, between which it counts as straight
+_SURE = 0.97  # share of a tolerance that the points may use: a little more lies between them
 _SAME = 1e-9
 
 
@@ -136,9 +137,10 @@ def _moving_on(
     if abs(end - record) > _SAME:
         record, lead = record - 1, first.facts.end_time - (record - 1) * period
     if record < max(earliest, first.at_hand[0] + HISTORY):
+        late = max(0.0, (earliest - end) * period)
         raise StartError(
-            "it is too late to begin with the end velocity of the motion before: "
-            f"that passes its last keyframe {(end - earliest) * period:.3g} s after this is ready"
+            "it is too late to begin with the end velocity of the motion before, whose end is "
+            f"passed {late:.3g} s before this is ready; queue it earlier, or set `approach: true`"
         )
     start = first.state_at(record) if not lead else first.end_state
     second = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
@@ -443,10 +445,10 @@ def _measured(corner: _Corner, cuts: _Cuts) -> tuple[Floats, Floats, Indices]:
     passed = (shares[nearest] + shift * shares[1]) * cuts.durations
     lines = align(np.concatenate([q[:, :1], legs[..., :4]], axis=1))[:, 1:]
     away = 4.0 * np.arcsin(np.minimum(0.5 * _farthest(q, lines), 1.0))
-    is_near = (gap <= corner.tolerance) & (away <= corner.tolerance)
+    is_near = np.maximum(gap, away) <= _SURE * corner.tolerance
     if np.ptp(legs[..., 4:], axis=(0, 1)).any():
         moves = _moves(corner.path, cuts, shares)
-        is_near &= _farthest(moves, legs[..., 4:]) <= corner.moved + refusal.SAME_POSITION
+        is_near &= _farthest(moves, legs[..., 4:]) <= _SURE * corner.moved + refusal.SAME_POSITION
     return passed, gap, np.flatnonzero(is_near)
 
 

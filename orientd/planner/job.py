@@ -33,6 +33,7 @@ from orientd.planner.timing import KeyframePath, Knots, aimed_at, chord_knots, c
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
+_CALM = 0.5  # share of the acceleration for a curve that a connector joins: it needs the rest
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 
@@ -101,7 +102,9 @@ class PlanJob:
 
     def with_free_acceleration(self) -> PlanJob:
         """Return the same job for a curve that does not begin with the device's acceleration."""
-        return replace(self, ends=replace(self.ends, alpha_start=None), _leads={})
+        limits = self.limits.times(acceleration=_CALM)
+        ends = replace(self.ends, alpha_start=None)
+        return replace(self, ends=ends, limits=limits, _leads={})
 
     @property
     def is_taken_over(self) -> bool:

@@ -129,7 +129,7 @@ def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) 
     Raises:
         JoinError: no join within the first interval keeps the limits.
     """
-    most = int(path.times[1] / period)
+    most = min(int(path.times[1] / period), math.ceil(path.duration / period) - 1)
     cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
     durations = period * cycles[cycles <= most]
     if len(durations):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from seeded_requests import CLOSE, pointings
+from bench.pointing_requests import CLOSE, pointings
 
 from orientd import motion_file
 from orientd.clock import ManualClock

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from asked import asked, made
-from bench.requests import PERIOD, Case, _angles, faults, further
+from bench.single_requests import PERIOD, Case, _angles, faults, further
 
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan

@@ -1,0 +1,34 @@
+"""Motions that follow one another: limits, tolerances and refusals of many requests."""
+
+from itertools import islice
+
+import pytest
+from bench.following_judge import judged
+from bench.requests import blends, chains
+
+pytestmark = pytest.mark.bench
+
+CASES = 300
+
+KNOWN = {blends: 0.0, chains: 0.01}
+"""Share of requests that may be refused although each of their motions is possible alone."""
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("requests", [blends, chains])
+def test_motions_that_follow_one_another_keep_limits_and_tolerances(requests):
+    verdicts = [judged(case) for case in islice(requests(2), CASES)]
+    problems = [problem for verdict in verdicts for problem in verdict.problems]
+    refusals = sum(bool(v.refused) for v in verdicts)
+    blended, corners = sum(v.blended for v in verdicts), sum(v.corners for v in verdicts)
+    print(
+        f"\n{requests.__name__}: {CASES} requests, {refusals} refused, "
+        f"{blended} of {corners} corners blended, {sum(v.joined for v in verdicts)} end velocities "
+        f"joined; largest share of a limit {max(v.largest for v in verdicts):.5f}, of a tolerance "
+        f"{max(v.farthest for v in verdicts):.3f}"
+    )
+    for problem in problems:
+        print(problem)
+    refused = [problem for problem in problems if "is refused" in problem]
+    assert problems == refused
+    assert len(refused) <= KNOWN[requests] * CASES
