@@ -4,7 +4,7 @@
 with the outcome.  The judge uses NumPy alone.  It differentiates the setpoints that a driver would
 get, with holds before and after, and measures the path between them.
 
-Run it from the folder ``tests``: ``python -m bench.single_requests [count] [first seed] [kind ...]``.
+In the folder ``tests``: ``python -m bench.single_requests [count] [first seed] [kind ...]``.
 """
 
 import sys

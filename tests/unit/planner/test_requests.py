@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from bench.single_requests import KINDS, LIMITS, PERIOD, Case, chain, faults, judged_plan, plans, ratios
+from bench.single_requests import (
+    KINDS,
+    LIMITS,
+    PERIOD,
+    Case,
+    chain,
+    faults,
+    judged_plan,
+    plans,
+    ratios,
+)
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 
