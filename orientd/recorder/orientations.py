@@ -8,8 +8,9 @@ ROS: poses, odometry, transforms, inertial measurements, as protobuf, JSON or RO
 from __future__ import annotations
 
 import json
+import math
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +19,14 @@ from typing import Any
 import numpy as np
 
 from orientd.recorder import bags
-from orientd.recorder.reader import NotOursError, Recording, load_recording, messages, reading
+from orientd.recorder.reader import (
+    NotOursError,
+    Recording,
+    decoding,
+    load_recording,
+    messages,
+    reading,
+)
 from orientd.recorder.samples import NO_TIME, Samples, check_order, scaled
 from orientd.recorder.text_tables import TUM_ENDINGS, read_table
 from orientd.recorder.writer import RecordingError
@@ -49,7 +57,7 @@ class Orientations:
     notes: tuple[str, ...] = ()
 
 
-def read_orientations(path: Path, topic: str = "", *, partial: bool = False) -> Orientations:
+def read_orientations(path: Path | str, topic: str = "", *, partial: bool = False) -> Orientations:
     """Return the orientations of a topic, by default of the only or the measured one.
 
     Args:
@@ -63,6 +71,7 @@ def read_orientations(path: Path, topic: str = "", *, partial: bool = False) -> 
         RecordingError: the file cannot be read, has no such topic or several, is damaged, or its
             clock was set back.
     """
+    path = Path(path)
     recording = Recording()
     with reading(path):
         if path.suffix in (".csv", *TUM_ENDINGS):
@@ -139,11 +148,12 @@ def _from_others(path: Path, recording: Recording, *, partial: bool) -> Tables:
     decoders: dict[int, Any] = {}
     rows: Rows = {}
     for channel, schema, message in messages(path, recording, partial=partial):
-        if channel.id not in decoders:
-            decoders[channel.id] = _decoder(channel, schema, factories)
-        decode = decoders[channel.id]
-        if decode is not None:
-            _add(rows, channel.topic, message.log_time, decode(message.data))
+        with decoding(path, channel.topic):
+            if channel.id not in decoders:
+                decoders[channel.id] = _decoder(channel, schema, factories)
+            decode = decoders[channel.id]
+            content = None if decode is None else decode(message.data)
+        _add(rows, channel.topic, message.log_time, content)
     return _tables(rows)
 
 
@@ -180,20 +190,21 @@ def _decoder(channel: Any, schema: Any, factories: Sequence[Any]) -> Any:  # noq
 def _orientations(message: object) -> Iterator[tuple[str, int | None, tuple[float, ...]]]:
     """Yield child frame, time stamp and quaternion of each part of a message with a quaternion."""
     many = _field(message, "transforms")
-    if many is not None:
-        for one in many:
-            for _, stamp, q in _orientations(one):
-                yield str(_field(one, "child_frame_id") or ""), stamp, q
-        return
-    found = _quaternion(message)
-    if found is not None:
-        yield "", _stamp(message), found
+    if many is None:
+        parts: Iterable[object] = (message,)
+    else:
+        parts = many if isinstance(many, Iterable) else ()  # JSON may hold anything
+    for part in parts:
+        q = _quaternion(part)
+        if q is not None:
+            child = "" if many is None else str(_field(part, "child_frame_id") or "")
+            yield child, _stamp(part), q
 
 
 def _quaternion(message: object, depth: int = 0) -> tuple[float, ...] | None:
-    parts = [_field(message, axis) for axis in "wxyz"]
-    if all(isinstance(part, int | float) for part in parts):
-        return tuple(float(part) for part in parts)
+    parts = [_number(_field(message, axis)) for axis in "wxyz"]
+    if None not in parts:
+        return tuple(part for part in parts if part is not None)
     if depth < 4:
         for name in (*_NAMES, *_NESTS):
             inner = _field(message, name)
@@ -212,22 +223,34 @@ def _stamp(message: object) -> int | None:
         if stamp is None:
             continue
         if isinstance(stamp, int | float):
-            return _in_range(1e9 * stamp)
+            return _nanoseconds(stamp, 0)
         seconds = next((s for n in ("sec", "seconds") if (s := _field(stamp, n)) is not None), None)
         rest = next(
             (s for n in ("nanosec", "nanos", "nsec") if (s := _field(stamp, n)) is not None), 0
         )
         if seconds is not None and (seconds or rest):
-            whole = isinstance(seconds, int)
-            return _in_range(seconds * 10**9 + rest if whole else 1e9 * float(seconds) + rest)
+            return _nanoseconds(seconds, rest)
     return None
 
 
-def _in_range(time_ns: float) -> int:
-    return round(time_ns) if abs(time_ns) < _LATEST else NO_TIME
+def _nanoseconds(seconds: object, rest: object) -> int:
+    """Return a time in whole nanoseconds, :data:`NO_TIME` if it is none."""
+    if not (isinstance(seconds, int | float) and isinstance(rest, int | float)):
+        return NO_TIME
+    if not (abs(seconds) < _LATEST * 1e-9 and abs(rest) < _LATEST):
+        return NO_TIME
+    whole = seconds * 10**9 if isinstance(seconds, int) else 1e9 * seconds
+    return round(whole + rest)
 
 
-_LATEST = 2.0**62  # ns
+_LATEST = 2.0**61  # ns
+
+
+def _number(value: object) -> float | None:
+    try:
+        return float(value) if isinstance(value, int | float) else None
+    except OverflowError:
+        return math.nan
 
 
 def _field(message: object, name: str) -> Any:  # noqa: ANN401 - whatever a message holds

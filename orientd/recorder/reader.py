@@ -72,24 +72,31 @@ class Recording:
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn each error about the content of *path* into a :class:`RecordingError`."""
+    """Turn an error of the file *path* itself into a :class:`RecordingError`."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+@contextlib.contextmanager
+def decoding(path: Path, part: str) -> Iterator[None]:
+    """Turn each error of a decoder into a :class:`RecordingError` about *part* of the file."""
     try:
         yield
     except OrientdError:
         raise
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     # The decoders do not document their exceptions for damaged bytes.
     except Exception as error:
-        text = " ".join(str(error).split())[:200]
-        raise RecordingError(f"{path}: a damaged recording: {text or 'no message'}") from error
+        text = " ".join(str(error).split())[:200] or type(error).__name__
+        raise RecordingError(f"{path}: {part} is damaged: {text}") from error
 
 
 class NotOursError(RecordingError):
     """A recording that orientd has not written."""
 
 
-def load_recording(path: Path, *, partial: bool = False) -> Recording:
+def load_recording(path: Path | str, *, partial: bool = False) -> Recording:
     """Read a recording of orientd.
 
     Args:
@@ -99,6 +106,7 @@ def load_recording(path: Path, *, partial: bool = False) -> Recording:
     Raises:
         RecordingError: it cannot be read, is not of orientd, or is damaged.
     """
+    path = Path(path)
     with reading(path):
         return _load(path, partial=partial)
 
@@ -107,21 +115,23 @@ class _Cycles:
     """Collects the cycles of a device, message by message.
 
     Args:
+        path: of the file.
+        topic: of the messages.
         schema: of the messages.
     """
 
-    def __init__(self, schema: Schema) -> None:
+    def __init__(self, path: Path, topic: str, schema: Schema) -> None:
+        self._path = path
+        self._topic = topic
         self._tables: list[Table] = []
         self._messages: list[bytes] = []
         is_block = schema.name == blocks.SCHEMA_NAME
-        self._decode = DecoderFactory().decoder_for("protobuf", schema) if is_block else None
-        self._layout = None if is_block else Layout(schema.data.decode())
+        with decoding(path, topic):
+            self._decode = DecoderFactory().decoder_for("protobuf", schema) if is_block else None
+            self._layout = None if is_block else Layout(schema.data.decode())
 
     def add(self, message: bytes) -> None:
         """Add a message."""
-        if self._decode is not None:
-            self._tables.append(blocks.cycles_of(self._decode(message), len(message)))
-            return
         self._messages.append(message)
         if len(self._messages) >= _AT_ONCE:
             self._convert()
@@ -132,9 +142,13 @@ class _Cycles:
         return np.concatenate(self._tables)
 
     def _convert(self) -> None:
-        if self._layout is not None and self._messages:
-            self._tables.append(self._layout.cycles(self._messages))
-            self._messages = []
+        with decoding(self._path, self._topic):
+            if self._decode is not None:
+                for message in self._messages:
+                    self._tables.append(blocks.cycles_of(self._decode(message), len(message)))
+            elif self._layout is not None and self._messages:
+                self._tables.append(self._layout.cycles(self._messages))
+        self._messages = []
 
 
 def _load(path: Path, *, partial: bool) -> Recording:
@@ -145,10 +159,11 @@ def _load(path: Path, *, partial: bool) -> Recording:
         if schema is not None and kind in (SCHEMA_NAME, blocks.SCHEMA_NAME):
             device = channel.topic.rpartition("/")[0].removeprefix("/")
             if device not in cycles:
-                cycles[device] = _Cycles(schema)
+                cycles[device] = _Cycles(path, channel.topic, schema)
             cycles[device].add(message.data)
         elif kind == _EVENT:
-            recording.events.append(pb.Event.FromString(message.data))
+            with decoding(path, channel.topic):
+                recording.events.append(pb.Event.FromString(message.data))
     recording.cycles = {device: found.table() for device, found in cycles.items()}
     recording.events.sort(key=lambda event: event.time_ns)
     if recording.damages and not partial:
@@ -214,6 +229,7 @@ def messages(
                 yield channel, schemas.get(channel.schema_id), record
         elif isinstance(record, Metadata) and record.name == "orientd":
             recording.facts = dict(record.metadata)
-            recording.offset_ns = int(recording.facts["clock_offset_ns"])
+            with decoding(path, "the metadata 'orientd'"):
+                recording.offset_ns = int(recording.facts["clock_offset_ns"])
     if damages and not partial:
         raise _not_whole(path, recording)

@@ -52,9 +52,9 @@ def read_table(path: Path) -> dict[str, Samples]:
         OSError: the file cannot be read.
     """
     check_regular(path)
-    with path.open(newline="", encoding="utf-8-sig") as stream:
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
         lines = _Lines(path, stream)
-        rows = _tum_rows(path, lines) if path.suffix in TUM_ENDINGS else _csv_rows(lines)
+        rows = _tum_rows(path, lines) if path.suffix in TUM_ENDINGS else _csv_rows(path, lines)
         _, names = next(rows, (0, []))
         header = [_HEADING.fullmatch(name) for name in names]
         places = {match[1]: place for place, match in enumerate(header) if match}
@@ -98,13 +98,18 @@ def read_table(path: Path) -> dict[str, Samples]:
     }
 
 
-def _csv_rows(lines: _Lines) -> Iterator[Row]:
+def _csv_rows(path: Path, lines: _Lines) -> Iterator[Row]:
     """Yield the names of the columns, and the rows that are not empty."""
     rows = csv.reader(lines)
-    for row in rows:
-        lines.begin_row()
-        if row:
-            yield rows.line_num, row
+    try:
+        for row in rows:
+            lines.begin_row()
+            if row:
+                yield rows.line_num, row
+    except csv.Error as error:
+        raise RecordingError(
+            f"{path}: line {rows.line_num} is no row of a table: {error}"
+        ) from error
 
 
 def _tum_rows(path: Path, lines: _Lines) -> Iterator[Row]:

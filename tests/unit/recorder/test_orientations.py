@@ -320,3 +320,51 @@ def test_repeated_and_late_times_have_a_note(tmp_path):
     assert any("steps back 1 times, first in sample 4, by at most 0.05 s" in n for n in found.notes)
     steady = [{"stamp": 1.0 + 0.1 * k, "q": turn} for k in range(5)]
     assert read_orientations(json_file(tmp_path / "b.mcap", steady)).notes == ()
+
+
+def test_a_path_may_be_text(ours):
+    path, table = ours
+    found = read_orientations(str(path), "/arm/sent")
+    np.testing.assert_allclose(found.q, table["sent_q"], atol=1e-9)
+    assert len(reader.load_recording(str(path)).cycles["arm"]) == len(table)
+
+
+def test_a_mistake_of_the_caller_is_not_called_damage():
+    for read in (read_orientations, reader.load_recording):
+        with pytest.raises(TypeError):
+            read(7)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"transforms": 5},
+        {"transforms": {"a": 1}},
+        {"transforms": [5, "x", None]},
+        {"q": {"w": 10**400, "x": 0, "y": 0, "z": 0}},
+        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": {"sec": "5", "nanosec": 0}},
+        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": {"sec": 10**400}},
+        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": 10**400},
+        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": {"sec": 1, "nanosec": float("nan")}},
+        [],
+        "text",
+        7,
+    ],
+)
+def test_messages_of_any_content_do_no_harm(tmp_path, message):
+    turn = {"q": named([1.0, 0.0, 0.0, 0.0])}
+    good = [{**turn, "stamp": 1.0 + 0.1 * k} for k in range(19)]
+    found = read_orientations(json_file(tmp_path / "a.mcap", [*good, message]))
+    assert len(found.times) - np.count_nonzero(np.isnan(found.times)) in (19, 20)
+
+
+def test_a_message_that_cannot_be_decoded_is_damage(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/head", "json", 0)
+        writer.add_message(channel, log_time=1, data=b"{", publish_time=1)
+        writer.finish()
+    with pytest.raises(RecordingError, match=r"a\.mcap: /head is damaged: Expecting"):
+        read_orientations(path)
