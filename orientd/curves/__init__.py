@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
     from orientd.curves.comparison import MET, Candidate, Figures, compare, measure, ranked
     from orientd.curves.contract import METHODS, Curve
-    from orientd.curves.fitting import Fit, fit_orientations
+    from orientd.curves.fitting import Fit, describe_bursts, fit_orientations
     from orientd.curves.hermite import KksHermite
     from orientd.curves.interpolating import C2Cumulative, KksInterpolating
     from orientd.curves.keyframes import (
@@ -57,7 +57,7 @@ __getattr__ = lazily(
             "cumulative_basis",
         ),
         "orientd.curves.contract": ("METHODS", "Curve"),
-        "orientd.curves.fitting": ("Fit", "fit_orientations"),
+        "orientd.curves.fitting": ("Fit", "describe_bursts", "fit_orientations"),
         "orientd.curves.hermite": ("KksHermite",),
         "orientd.curves.interpolating": ("C2Cumulative", "KksInterpolating"),
         "orientd.curves.keyframes": (

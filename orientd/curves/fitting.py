@@ -34,6 +34,15 @@ _WILD = 6.0
 _LEAST_WILD = 2e-3
 """Rad; a sample closer than this to its neighbours is no outlier, however small the noise is."""
 
+_BRIEF, _LONG = 0.1, 2.0
+"""Steps of time below and above so many mean ones are those of bursts ..."""
+
+_MANY, _SOME = 0.2, 0.05
+"""... if at least these shares of all steps are.  Random times have half as many brief ones."""
+
+_BEYOND_NOISE = 10.0
+"""A fit that is further off than this many standard deviations is so for another reason."""
+
 _PASSES = 20
 _GAUSSIAN = 1.4826  # standard deviations in a median of absolute deviations
 
@@ -149,11 +158,46 @@ def fit_orientations(
     fitted = work.trimmed(work.grown())
     if fitted.error > tolerance:
         raise PlanError(
-            f"no spline stays within {math.degrees(tolerance):.3g} deg of the samples: their noise "
-            f"is {math.degrees(samples.noise):.2g} deg per axis; allow "
-            f"{math.degrees(1.1 * fitted.error):.2g} deg"
+            f"no spline stays within {math.degrees(tolerance):.3g} deg of the samples: "
+            f"{describe_bursts(times) or _describe_worst(fitted)}"
         )
     return fitted
+
+
+def describe_bursts(times: ArrayLike) -> str:
+    """Return why times, in any order, look like times of arrival; an empty text if they do not.
+
+    Samples that waited for each other arrive in bursts: many steps are far shorter than the mean,
+    and some are far longer.
+    """
+    instants = np.asarray(times, dtype=np.float64)
+    instants = np.unique(instants[np.isfinite(instants)])
+    if len(instants) < FEWEST:
+        return ""
+    steps = np.diff(instants)
+    brief, long = _BRIEF * steps.mean(), _LONG * steps.mean()
+    many, some = int(np.sum(steps < brief)), int(np.sum(steps > long))
+    if many < _MANY * len(steps) or some < _SOME * len(steps):
+        return ""
+    return (
+        "the times look like times of arrival, not of measurement: of "
+        f"{len(steps)} steps {many} are below {1e3 * brief:.2g} ms and {some} above "
+        f"{1e3 * long:.2g} ms; use times of measurement"
+    )
+
+
+def _describe_worst(fit: Fit) -> str:
+    """Return why a fit is far from its samples, and the bound that it meets."""
+    allow = f"allow {math.degrees(1.1 * fit.error):.2g} deg"
+    if fit.error < _BEYOND_NOISE * fit.samples.noise:
+        return f"their noise is {math.degrees(fit.samples.noise):.2g} deg per axis; {allow}"
+    times, turns = fit.samples.times, angle(fit.samples.q[1:], fit.samples.q[:-1])
+    quickest = int(np.argmax(turns / np.diff(times)))
+    return (
+        f"they jump by {math.degrees(turns[quickest]):.3g} deg within "
+        f"{times[quickest + 1] - times[quickest]:.3g} s at {times[quickest]:.3f} s; cut the "
+        f"recording there, or {allow}"
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

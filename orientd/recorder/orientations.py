@@ -11,7 +11,7 @@ import json
 import math
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -48,12 +48,14 @@ class Orientations:
             ``(n,)``.
         q: orientations ``(w, x, y, z)``, norms from 0.5 to 2 scaled to one, NaN for other norms,
             shape ``(n, 4)``.
+        clock: what the times are, such as "the stamps of its messages".
         notes: one line for each irregularity of times, norms and the file.
     """
 
     topic: str
     times: Floats
     q: Floats
+    clock: str
     notes: tuple[str, ...] = ()
 
 
@@ -97,12 +99,19 @@ def read_orientations(path: Path | str, topic: str = "", *, partial: bool = Fals
     damages = [recording.damages.describe()] if recording.damages else []
     q, norms = scaled(samples)
     notes = (*damages, *check_order(path, samples), *norms)
-    return Orientations(name, samples.seconds(), q, notes)
+    return Orientations(name, samples.seconds(), q, samples.clock, notes)
 
 
 Tables = dict[str, Samples]
-Rows = dict[str, "tuple[array[int], array[float]]"]
-"""Times and orientations of the samples, one after the other, by topic."""
+
+
+@dataclass(slots=True)
+class _Rows:
+    """The samples of a topic, one after the other: ns of both clocks, and quaternions."""
+
+    recorded: array[int] = field(default_factory=lambda: array("q"))
+    stamps: array[int] = field(default_factory=lambda: array("q"))
+    q: array[float] = field(default_factory=lambda: array("d"))
 
 
 def _meant(path: Path, tables: Mapping[str, object]) -> str:
@@ -136,17 +145,21 @@ def _from_ours(recording: Recording) -> Tables:
         if len(measured):
             # A measurement that is read twice is one measurement.
             stamps, first = np.unique(measured["feedback_time_ns"], return_index=True)
-            tables[f"/{device}/measured"] = Samples(stamps, measured["measured_q"][first])
+            tables[f"/{device}/measured"] = Samples(
+                stamps, measured["measured_q"][first], "the times of measurement"
+            )
         written = cycles[(cycles["flags"] & CycleFlag.WRITTEN) != 0]
         if len(written):
-            tables[f"/{device}/sent"] = Samples(written["deadline_ns"], written["sent_q"])
+            tables[f"/{device}/sent"] = Samples(
+                written["deadline_ns"], written["sent_q"], "the deadlines"
+            )
     return tables
 
 
 def _from_others(path: Path, recording: Recording, *, partial: bool) -> Tables:
     factories = [import_module(name).DecoderFactory() for name in _DECODERS]
     decoders: dict[int, Any] = {}
-    rows: Rows = {}
+    rows: dict[str, _Rows] = {}
     for channel, schema, message in messages(path, recording, partial=partial):
         with decoding(path, channel.topic):
             if channel.id not in decoders:
@@ -158,26 +171,34 @@ def _from_others(path: Path, recording: Recording, *, partial: bool) -> Tables:
 
 
 def _from_bag(path: Path) -> Tables:
-    rows: Rows = {}
+    rows: dict[str, _Rows] = {}
     for topic, time, message in bags.messages(path):
         _add(rows, topic, time, message)
     return _tables(rows)
 
 
-def _add(rows: Rows, topic: str, time_ns: int, message: object) -> None:
-    """Add the orientations in a message, at *time_ns* unless it has a time of its own."""
+def _add(rows: dict[str, _Rows], topic: str, recorded_ns: int, message: object) -> None:
+    """Add the orientations in a message, with the time of recording and its own stamp."""
     for child, stamp, q in _orientations(message):
-        name = f"{topic}#{child}" if child else topic
-        times, components = rows.setdefault(name, (array("q"), array("d")))
-        times.append(time_ns if stamp is None else stamp)
-        components.extend(q)
+        samples = rows.setdefault(f"{topic}#{child}" if child else topic, _Rows())
+        samples.recorded.append(recorded_ns)
+        samples.stamps.append(stamp)
+        samples.q.extend(q)
 
 
-def _tables(rows: Rows) -> Tables:
-    return {
-        name: Samples(np.array(times, dtype=np.int64), np.array(components).reshape(-1, 4))
-        for name, (times, components) in rows.items()
-    }
+def _tables(rows: Mapping[str, _Rows]) -> Tables:
+    return {name: _samples(found) for name, found in rows.items()}
+
+
+def _samples(rows: _Rows) -> Samples:
+    """Return the samples of a topic by one clock: their stamps, unless these were never set."""
+    stamps = np.array(rows.stamps, dtype=np.int64)
+    known = stamps[stamps != NO_TIME]
+    q = np.array(rows.q).reshape(-1, 4)
+    # Stamps that were never set are all the same, mostly 0.
+    if (known != known[:1]).any():
+        return Samples(stamps, q, "the stamps of its messages")
+    return Samples(np.array(rows.recorded, dtype=np.int64), q, "the times of recording")
 
 
 def _decoder(channel: Any, schema: Any, factories: Sequence[Any]) -> Any:  # noqa: ANN401 - of mcap
@@ -187,7 +208,7 @@ def _decoder(channel: Any, schema: Any, factories: Sequence[Any]) -> Any:  # noq
     return next((decode for decode in found if decode is not None), None)
 
 
-def _orientations(message: object) -> Iterator[tuple[str, int | None, tuple[float, ...]]]:
+def _orientations(message: object) -> Iterator[tuple[str, int, tuple[float, ...]]]:
     """Yield child frame, time stamp and quaternion of each part of a message with a quaternion."""
     many = _field(message, "transforms")
     if many is None:
@@ -214,8 +235,8 @@ def _quaternion(message: object, depth: int = 0) -> tuple[float, ...] | None:
     return None
 
 
-def _stamp(message: object) -> int | None:
-    """Return the time stamp of a message, ns."""
+def _stamp(message: object) -> int:
+    """Return the time stamp of a message, ns, :data:`NO_TIME` if it has none."""
     header = _field(message, "header")
     holders = ((header, "stamp"), (message, "stamp"), (message, "timestamp"))
     for holder, name in holders:
@@ -228,9 +249,9 @@ def _stamp(message: object) -> int | None:
         rest = next(
             (s for n in ("nanosec", "nanos", "nsec") if (s := _field(stamp, n)) is not None), 0
         )
-        if seconds is not None and (seconds or rest):
+        if seconds is not None:
             return _nanoseconds(seconds, rest)
-    return None
+    return NO_TIME
 
 
 def _nanoseconds(seconds: object, rest: object) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orientd.curves import describe_bursts
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.tolerances import NORM_TOLERANCE
@@ -25,6 +26,9 @@ _RESTART = 20.0
 _MIXED = 2
 """Fewest samples from before such a step that the later ones would mix with."""
 
+_DAY_NS = 86_400 * 10**9
+"""No pause of a recording is longer."""
+
 Stamps = NDArray[np.int64]
 
 
@@ -35,11 +39,13 @@ class Samples:
     Attributes:
         times_ns: :data:`NO_TIME` for a sample without one, shape ``(n,)``.
         q: orientations ``(w, x, y, z)``, shape ``(n, 4)``.
+        clock: what the times are, in words.
         lines: line of each sample in a text file, shape ``(n,)``.
     """
 
     times_ns: Stamps
     q: Floats
+    clock: str
     lines: NDArray[np.int64] | None = None
 
     def place(self, index: int) -> str:
@@ -103,6 +109,7 @@ def check_order(path: Path, samples: Samples) -> list[str]:
         )
     places = np.flatnonzero(is_known)
     times = samples.times_ns[places]
+    _check_one_clock(path, samples, places)
     steps = np.diff(times)
     back = np.flatnonzero(steps < 0)
     usual = float(np.median(np.abs(steps))) if len(steps) else 0.0
@@ -126,10 +133,40 @@ def check_order(path: Path, samples: Samples) -> list[str]:
             f"the time steps back {len(back)} times, first in {samples.place(first)}, by at most "
             f"{largest:.6g} s: samples are taken in the order of their times"
         )
+    bursts = describe_bursts(1e-9 * (times - times[:1]))
+    if bursts:
+        notes.append(bursts)
     repeated = len(times) - len(np.unique(times))
     if repeated:
         notes.append(f"{repeated} of {len(times)} samples repeat a time and are left out")
     return notes
+
+
+def _check_one_clock(path: Path, samples: Samples, places: NDArray[np.intp]) -> None:
+    """Check that the times at *places* do not lie in two ranges that are too far apart.
+
+    Raises:
+        RecordingError: they do, and the recording changes between the two, or they are days apart.
+    """
+    times = samples.times_ns[places]
+    ordered = np.sort(times)
+    gaps = np.diff(ordered)
+    if not len(gaps):
+        return
+    last = int(np.argmax(gaps))
+    spans = (ordered[last] - ordered[0]) + (ordered[-1] - ordered[last + 1])
+    is_later = times > ordered[last]
+    changes = np.flatnonzero(np.diff(is_later)) + 1
+    if gaps[last] > spans and (len(changes) > 1 or gaps[last] > _DAY_NS):
+        ranges = ", ".join(
+            f"{len(part)} from {1e-9 * part.min():.3f} s to {1e-9 * part.max():.3f} s"
+            for part in (times[~is_later], times[is_later])
+        )
+        raise RecordingError(
+            f"{path}: {samples.clock} are of two clocks: of {len(times)} samples {ranges}, the "
+            f"first change in {samples.place(int(places[changes[0]]))}; keep the samples of one "
+            "clock"
+        )
 
 
 def _of(which: NDArray[Any]) -> str:

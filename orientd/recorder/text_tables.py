@@ -92,6 +92,7 @@ def read_table(path: Path) -> dict[str, Samples]:
         topic: Samples(
             stamps[own or clock],
             np.stack([columns[name] for name in q], axis=-1),
+            f"the times in {own or clock!r}",
             np.array(numbers, dtype=np.int64),
         )
         for topic, q, own in found

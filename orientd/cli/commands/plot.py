@@ -134,7 +134,7 @@ def _draw_recording(
     found = read_orientations(file, topic, partial=partial)
     title = ": ".join(filter(None, (file.name, found.topic)))
     plots.draw_orientations(path, found.times, found.q, title=title)
-    return found.notes
+    return (f"drawn by {found.clock}", *found.notes)
 
 
 def _draw_file(file: Path, path: Path, show: Show, times: Times, ends: Ends) -> None:

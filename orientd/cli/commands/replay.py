@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from orientd.curves import Fit
     from orientd.planner import MotionRequest
     from orientd.protocol import control_pb2 as pb
+    from orientd.recorder import Orientations
 
 
 Pace = Literal["recorded", "minimum"]
@@ -86,11 +87,11 @@ def replay(
         found = read_orientations(file, topic, partial=partial)
     with working(f"fitting {len(found.times)} samples"):
         fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
-    fitted = _figures(found.topic, fit, found.notes)
+    fitted = _figures(found, fit)
     out.say(
         *(f"note: {note}" for note in fitted["notes"]),
         f"{fitted['topic'] or 'orientation'}: {fitted['samples']} samples in "
-        f"{fitted['seconds']:.2f} s, noise {fitted['noise_deg']:.3f} deg, "
+        f"{fitted['seconds']:.2f} s by {fitted['clock']}, noise {fitted['noise_deg']:.3f} deg, "
         f"{fitted['left_out']} left out",
         f"spline with {fitted['knots']} knots, at most {fitted['error_deg']:.3f} deg from the "
         "filtered samples",
@@ -114,19 +115,20 @@ def replay(
     conclude(handle, summary, out, fit=fitted, slower=slower)
 
 
-def _figures(topic: str, fit: Fit, notes: tuple[str, ...]) -> dict[str, Any]:
+def _figures(found: Orientations, fit: Fit) -> dict[str, Any]:
     """Return the quality of the fit."""
     count, left_out = len(fit.samples.times), fit.samples.left_out
     lost = f"more than half of the samples are left out: {left_out} of {left_out + count}"
     return {
-        "topic": topic,
+        "topic": found.topic,
+        "clock": found.clock,
         "samples": count,
         "left_out": left_out,
         "seconds": fit.seconds,
         "noise_deg": math.degrees(fit.samples.noise),
         "knots": fit.knot_count,
         "error_deg": math.degrees(fit.error),
-        "notes": [*notes, *([lost] if left_out > count else [])],
+        "notes": [*found.notes, *([lost] if left_out > count else [])],
     }
 
 

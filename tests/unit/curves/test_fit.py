@@ -116,6 +116,22 @@ def test_a_bound_below_the_noise_is_refused_with_one_that_is_not():
         fit_orientations(*recorded(0, seconds=20.0), tolerance=0.05 * DEGREE)
 
 
+def test_a_jump_is_named_with_its_time_and_not_called_noise():
+    t = np.arange(0.0, 4.0, 0.01)
+    q = truth(t)
+    q[200:] = rotation.multiply(rotation.exp([3.0, 0.0, 0.0]), q[200:])
+    place = r"they jump by 1[67]\d deg within 0\.\d+ s at (1\.9|2\.0)\d+ s; cut the recording there"
+    with pytest.raises(PlanError, match=place):
+        fit_orientations(t, q)
+
+
+def test_times_of_arrival_are_not_called_noise():
+    t = np.arange(0.0, 10.0, 0.02)
+    arrivals = t[9::10].repeat(10) + np.tile(2e-4 * np.arange(10), 50)
+    with pytest.raises(PlanError, match="the times look like times of arrival, not of measurement"):
+        fit_orientations(arrivals, truth(3.0 * t))
+
+
 def test_too_few_samples_are_refused():
     with pytest.raises(PlanError, match="at least 8 samples, got 5"):
         fit_orientations(np.arange(5.0), truth(np.arange(5.0)))

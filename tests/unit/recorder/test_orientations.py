@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from command_line import assert_refused, inside
 from mcap.writer import Writer
 from mcap_ros2.writer import Writer as Ros2Writer
 from recorded import OFFSET_NS, RATE_HZ, moving
@@ -245,11 +246,109 @@ def test_a_message_has_the_time_of_its_stamp_in_every_form(tmp_path, stamped):
     np.testing.assert_allclose(found.times, [0.0, 1.25, 2.5], atol=1e-9)
 
 
-@pytest.mark.parametrize("stamp", [{"sec": 0, "nanosec": 0}, {}, None])
-def test_a_message_without_a_stamp_has_the_time_of_its_recording(tmp_path, stamp):
+@pytest.mark.parametrize("stamp", [{"sec": 0, "nanosec": 0}, {"sec": 7}, {}, None])
+def test_a_topic_whose_stamps_were_never_set_has_the_times_of_its_recording(tmp_path, stamp):
     messages = [{"stamp": stamp, "q": named([1.0, 0.0, 0.0, 0.0])}] * 3
     found = read_orientations(json_file(tmp_path / "a.mcap", messages))
     np.testing.assert_allclose(found.times, [0.0, 0.01, 0.02], atol=1e-12)
+    assert found.clock == "the times of recording"
+
+
+def test_a_stamp_of_exactly_zero_is_a_stamp(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    stamps = [{"sec": k, "nanosec": 0} for k in range(20)]
+    messages = [{"stamp": stamp, "q": turn} for stamp in stamps]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    np.testing.assert_allclose(found.times, np.arange(20.0), atol=1e-12)
+    assert found.clock == "the stamps of its messages"
+
+
+def test_a_message_without_a_stamp_among_others_gets_no_time_of_another_clock(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    messages = [{"stamp": 5.0 + k, "q": turn} for k in range(20)]
+    del messages[3]["stamp"]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    assert np.flatnonzero(np.isnan(found.times)).tolist() == [3]
+    np.testing.assert_allclose(np.delete(found.times, 3), np.delete(np.arange(20.0), 3))
+
+
+def test_each_topic_has_a_clock_of_its_own(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = [writer.register_channel(name, "json", 0) for name in ("/a", "/b")]
+        for k in range(20):
+            for channel, stamp in zip(channels, (100.0 + k, 0.0), strict=True):
+                content = json.dumps({"stamp": stamp, "q": turn}).encode()
+                writer.add_message(channel, log_time=10**7 * k, data=content, publish_time=0)
+        writer.finish()
+    assert read_orientations(path, "/a").times[-1] == 19.0
+    assert read_orientations(path, "/b").times[-1] == pytest.approx(0.19)
+
+
+@pytest.mark.parametrize(
+    "in_the_other", [slice(1, None, 2), slice(50, None), slice(7, 8), slice(0, 1), slice(40, 60)]
+)
+def test_a_mixture_of_two_clocks_is_refused_with_both_ranges(tmp_path, in_the_other):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    stamps = 132.69 + 0.05 * np.arange(100)
+    stamps[in_the_other] += 1.778e9
+    messages = [{"stamp": stamp, "q": turn} for stamp in stamps.tolist()]
+    with pytest.raises(RecordingError, match="stamps of its messages are of two clocks") as refused:
+        read_orientations(json_file(tmp_path / "a.mcap", messages))
+    late = stamps > 1e6
+    for part in (stamps[~late], stamps[late]):
+        assert f"{len(part)} from {part[0]:.3f} s to {part[-1]:.3f} s" in str(refused.value)
+    change = int(np.flatnonzero(np.diff(late))[0]) + 1
+    assert f"the first change in sample {change};" in str(refused.value)
+
+
+def test_a_pause_of_an_hour_is_no_second_clock(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    stamps = [*np.arange(0.0, 1.0, 0.1), *np.arange(3600.0, 3601.0, 0.1)]
+    messages = [{"stamp": stamp, "q": turn} for stamp in stamps]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    np.testing.assert_allclose(found.times, stamps, atol=1e-6)
+
+
+def in_bursts(count=500, each=10):
+    """Return times of measurement, and of arrival: *each* ten that waited arrive in 2 ms."""
+    times = 0.02 * np.arange(count)
+    arrivals = times[each - 1 :: each].repeat(each) + np.tile(2e-4 * np.arange(each), count // each)
+    return times, arrivals
+
+
+def test_times_of_arrival_are_recognised(tmp_path):
+    times, arrivals = in_bursts()
+    q = rotation.exp(np.outer(np.sin(3.0 * times), [0.0, 0.6, 0.8]))
+    messages = [{"stamp": t, "q": named(one)} for t, one in zip(arrivals.tolist(), q, strict=True)]
+    path = json_file(tmp_path / "a.mcap", messages)
+    expected = "of 499 steps 450 are below 2 ms and 49 above 39 ms; use times of measurement"
+    (note,) = read_orientations(path).notes
+    assert note.startswith("the times look like times of arrival")
+    assert note.endswith(expected)
+    assert_refused(inside("replay", path, "--dry-run"), "stays within 1 deg", expected)
+
+
+def test_random_times_are_no_times_of_arrival(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    for seed in range(20):
+        times = np.cumsum(np.random.default_rng(seed).exponential(0.02, 200))
+        messages = [{"stamp": 1.0 + t, "q": turn} for t in times.tolist()]
+        assert read_orientations(json_file(tmp_path / "a.mcap", messages)).notes == ()
+
+
+def test_replay_and_plot_name_the_clock(tmp_path):
+    times = 0.02 * np.arange(100)
+    q = rotation.exp(np.outer(np.sin(3.0 * times), [0.0, 0.6, 0.8]))
+    messages = [{"stamp": t, "q": named(one)} for t, one in zip(times.tolist(), q, strict=True)]
+    path = json_file(tmp_path / "a.mcap", messages)
+    done = inside("replay", path, "--dry-run")
+    assert "100 samples in 1.98 s by the stamps of its messages" in done.stdout
+    drawn = inside("plot", path, "-o", tmp_path / "a.svg")
+    assert "drawn by the stamps of its messages" in drawn.stdout
 
 
 def test_a_stamp_without_nanoseconds_or_seconds_is_taken(tmp_path):
