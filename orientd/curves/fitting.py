@@ -31,6 +31,9 @@ _NORMS = (0.5, 2.0)
 _WILD = 6.0
 """Standard deviations of the noise beyond which a sample is an outlier."""
 
+_MOST_WILD = 0.1
+"""Share of outliers beyond which no spline is fitted."""
+
 _LEAST_WILD = 2e-3
 """Rad; a sample closer than this to its neighbours is no outlier, however small the noise is."""
 
@@ -367,7 +370,7 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
 
     Raises:
         ValueError: the shapes are wrong.
-        PlanError: fewer than :data:`FEWEST` samples are left.
+        PlanError: fewer than :data:`FEWEST` samples are left, or more than a tenth are outliers.
     """
     instants, found = np.asarray(times, dtype=np.float64), np.asarray(q, dtype=np.float64)
     if instants.ndim != 1 or found.shape != (len(instants), 4):
@@ -381,6 +384,7 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
     instants, found = instants[is_there], found[is_there] / norms[is_there, None]
     instants, order = np.unique(instants, return_index=True)
     found = found[order]
+    all_instants = instants
     noise = 0.0
     for _ in range(_PASSES):
         if len(instants) < FEWEST:
@@ -401,6 +405,12 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
         keep[:2] &= not is_wild[0]
         keep[-2:] &= not is_wild[-1]
         instants, found = instants[keep], found[keep]
+    wild = np.setdiff1d(all_instants, instants)
+    if len(wild) > _MOST_WILD * len(all_instants):
+        raise PlanError(
+            f"{len(wild)} of {len(all_instants)} samples are outliers, expected at most a tenth: "
+            f"{describe_bursts(all_instants) or f'the first at {wild[0]:.3f} s'}"
+        )
     return Measured(instants, align(found), noise, given - len(instants))
 
 

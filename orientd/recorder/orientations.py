@@ -27,7 +27,7 @@ from orientd.recorder.reader import (
     messages,
     reading,
 )
-from orientd.recorder.samples import NO_TIME, Samples, check_order, scaled
+from orientd.recorder.samples import NO_TIME, Samples, check_order, usable
 from orientd.recorder.text_tables import TUM_ENDINGS, read_table
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
@@ -46,8 +46,8 @@ class Orientations:
         topic: its name.
         times: s, the first one 0, exact to the nanosecond, NaN for a sample without one, shape
             ``(n,)``.
-        q: orientations ``(w, x, y, z)``, norms from 0.5 to 2 scaled to one, NaN for other norms,
-            shape ``(n, 4)``.
+        q: orientations ``(w, x, y, z)``, scaled to norms of one, NaN for a norm below half or above
+            twice the median, shape ``(n, 4)``.
         clock: what the times are, such as "the stamps of its messages".
         notes: one line for each irregularity of times, norms and the file.
     """
@@ -70,8 +70,8 @@ def read_orientations(path: Path | str, topic: str = "", *, partial: bool = Fals
         partial: whether to read the rest of a cut or damaged MCAP file.
 
     Raises:
-        RecordingError: the file cannot be read, has no such topic or several, is damaged, or its
-            clock was set back.
+        RecordingError: the file cannot be read, has no such topic or several, is damaged, more than
+            a tenth of the samples is unusable, or its clock was set back.
     """
     path = Path(path)
     recording = Recording()
@@ -97,8 +97,8 @@ def read_orientations(path: Path | str, topic: str = "", *, partial: bool = Fals
     name = topic if topic in tables else _meant(path, tables)
     samples = tables[name]
     damages = [recording.damages.describe()] if recording.damages else []
-    q, norms = scaled(samples)
-    notes = (*damages, *check_order(path, samples), *norms)
+    q, norms = usable(path, samples)
+    notes = (*damages, *norms, *check_order(path, samples))
     return Orientations(name, samples.seconds(), q, samples.clock, notes)
 
 

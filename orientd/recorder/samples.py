@@ -18,7 +18,10 @@ NO_TIME = -(2**63)
 """Stands for a missing time."""
 
 _NORMS = (0.5, 2.0)
-"""Norms of a quaternion that only lacks its scale."""
+"""Norms of a quaternion, in multiples of the median norm: a recording may have a scale."""
+
+_MOST_LEFT_OUT = 0.1
+"""Share of samples that may be unusable."""
 
 _RESTART = 20.0
 """A clock was set back if it steps back by more than this many usual steps."""
@@ -41,12 +44,14 @@ class Samples:
         q: orientations ``(w, x, y, z)``, shape ``(n, 4)``.
         clock: what the times are, in words.
         lines: line of each sample in a text file, shape ``(n,)``.
+        first_words: first word of a text file that is no number, and its column; if there is one.
     """
 
     times_ns: Stamps
     q: Floats
     clock: str
     lines: NDArray[np.int64] | None = None
+    first_words: str = ""
 
     def place(self, index: int) -> str:
         """Return the place of a sample in words."""
@@ -63,52 +68,65 @@ class Samples:
         return times
 
 
-def scaled(samples: Samples) -> tuple[Floats, list[str]]:
-    """Return the orientations with norms of one, and notes on those that were scaled.
+def usable(path: Path, samples: Samples) -> tuple[Floats, list[str]]:
+    """Return the orientations with norms of one, NaN for unusable ones, and notes on both.
 
-    Numbers far from a quaternion become NaN.
+    Raises:
+        RecordingError: more than a tenth of the samples are unusable.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        norms = np.sqrt(np.sum(samples.q * samples.q, axis=1))
-        is_off = np.abs(norms - 1.0) > NORM_TOLERANCE
-        is_near = is_off & (norms > _NORMS[0]) & (norms < _NORMS[1])
-        is_far = is_off & ~is_near
+    norms: Floats = np.hypot.reduce(samples.q, axis=1)
+    known = norms[np.isfinite(norms) & (norms > 0.0)]
+    usual = float(np.median(known)) if len(known) else 1.0
+    least, most = (usual * multiple for multiple in _NORMS)
+    is_whole = (samples.times_ns != NO_TIME) & ~np.isnan(samples.q).any(axis=1)
+    has_norm = (norms > least) & (norms < most)
+    is_usable = is_whole & has_norm
+    reasons = []
+    if not is_whole.all():
+        first = samples.place(int(np.argmin(is_whole)))
+        words = f": {samples.first_words}" if samples.first_words else ""
+        reasons.append(
+            f"{_of(~is_whole)} samples without a time or number (first in {first}{words})"
+        )
+    if not has_norm[is_whole].all():
+        is_far = is_whole & ~has_norm
+        at = int(np.argmax(is_far))
+        reasons.append(
+            f"{_of(is_far)} quaternions with a norm outside {least:.4g} to {most:.4g} (first in "
+            f"{samples.place(at)}: {norms[at]:.6g})"
+        )
+    if np.count_nonzero(~is_usable) > _MOST_LEFT_OUT * len(is_usable):
+        raise RecordingError(
+            f"{path}: more than a tenth of the samples is unusable: {', '.join(reasons)}; cut or "
+            "repair the recording"
+        )
+    notes = [f"left out: {reason}" for reason in reasons]
+    is_off = has_norm & (np.abs(norms - 1.0) > NORM_TOLERANCE)
+    if is_off.any():
+        lowest, highest = (f"{norm:.6g}" for norm in (norms[is_off].min(), norms[is_off].max()))
+        which = f"norm {lowest}" if lowest == highest else f"norms from {lowest} to {highest}"
+        notes.append(f"scaled to 1: {_of(is_off)} quaternions with {which}")
     q = samples.q.copy()
-    q[is_near] /= norms[is_near, None]
-    q[is_far] = np.nan
-    notes = []
-    if is_near.any():
-        near = norms[is_near]
-        notes.append(
-            f"{_of(is_near)} quaternions have norms from {near.min():.6g} to {near.max():.6g}: "
-            "scaled to 1"
-        )
-    if is_far.any():
-        first = int(np.argmax(is_far))
-        notes.append(
-            f"{_of(is_far)} are no quaternions and left out, the first in {samples.place(first)}, "
-            f"of norm {norms[first]:.6g}"
-        )
+    q[is_off] /= norms[is_off, None]
+    q[~has_norm] = np.nan
     return q, notes
 
 
 def check_order(path: Path, samples: Samples) -> list[str]:
-    """Return notes on times that are missing, repeat or step back.
+    """Return notes on times that repeat, step back or come in bursts.
 
     Raises:
-        RecordingError: a clock was set back in the middle, which would mix later samples with
-            earlier ones.
+        RecordingError: all times are the same, they are of two clocks, or the clock was set back in
+            the middle, which would mix later samples with earlier ones.
     """
     notes = []
-    is_known = (samples.times_ns != NO_TIME) & ~np.isnan(samples.q).any(axis=1)
-    if not is_known.all():
-        first = int(np.argmin(is_known))
-        notes.append(
-            f"{_of(~is_known)} samples lack a number and are left out, the first in "
-            f"{samples.place(first)}"
-        )
-    places = np.flatnonzero(is_known)
+    places = np.flatnonzero((samples.times_ns != NO_TIME) & ~np.isnan(samples.q).any(axis=1))
     times = samples.times_ns[places]
+    if len(times) > 1 and not np.ptp(times):
+        raise RecordingError(
+            f"{path}: all {len(times)} samples have the same time, {1e-9 * times[0]:.9g} s, by "
+            f"{samples.clock}; expected a time of its own for each"
+        )
     _check_one_clock(path, samples, places)
     steps = np.diff(times)
     back = np.flatnonzero(steps < 0)
@@ -129,8 +147,9 @@ def check_order(path: Path, samples: Samples) -> list[str]:
     if len(back):
         first = int(places[back[0] + 1])
         largest = 1e-9 * float(-steps.min())
+        count = "once" if len(back) == 1 else f"{len(back)} times"
         notes.append(
-            f"the time steps back {len(back)} times, first in {samples.place(first)}, by at most "
+            f"the time steps back {count}, first in {samples.place(first)}, by at most "
             f"{largest:.6g} s: samples are taken in the order of their times"
         )
     bursts = describe_bursts(1e-9 * (times - times[:1]))
@@ -138,7 +157,9 @@ def check_order(path: Path, samples: Samples) -> list[str]:
         notes.append(bursts)
     repeated = len(times) - len(np.unique(times))
     if repeated:
-        notes.append(f"{repeated} of {len(times)} samples repeat a time and are left out")
+        notes.append(
+            f"not used: {repeated} of {len(times)} samples with the time of an earlier sample"
+        )
     return notes
 
 

@@ -10,7 +10,7 @@ import csv
 import math
 import re
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import TextIO
@@ -18,6 +18,7 @@ from typing import TextIO
 import numpy as np
 
 from orientd.bounded_file import MEBIBYTE, check_regular
+from orientd.one_line import one_line
 from orientd.recorder.samples import NO_TIME, Samples
 from orientd.recorder.writer import RecordingError
 
@@ -35,6 +36,8 @@ _NO_SECONDS = 10**17
 _FAR_APART = 1e3
 """Seconds between two rows beyond which the times must be in another unit."""
 _LATEST = 2**62
+_SHOWN = 40
+"""Most characters of a word in an error."""
 _LONGEST_ROW = MEBIBYTE
 """Bytes of a row of a table; of a wide one, some thousand."""
 
@@ -71,6 +74,7 @@ def read_table(path: Path) -> dict[str, Samples]:
         clocks = {name: array("q") for name in {clock, *(own for _, _, own in found if own)}}
         read = {name: array("d") for name in {name for _, q, _ in found for name in q}}
         numbers, given = array("q"), array("d")
+        wrong: dict[str, tuple[int, str]] = {}
         for number, row in rows:
             given.append(_number(row, places[clock]))
             if not numbers and unit == "s" and given[0] >= _NO_SECONDS:
@@ -78,8 +82,12 @@ def read_table(path: Path) -> dict[str, Samples]:
             numbers.append(number)
             for name, instants in clocks.items():
                 instants.append(_nanoseconds(row, places[name], _UNITS[unit]))
+                if instants[-1] == NO_TIME:
+                    wrong.setdefault(name, (number, _word(row, places[name])))
             for name, column in read.items():
                 column.append(_number(row, places[name]))
+                if math.isnan(column[-1]):
+                    wrong.setdefault(name, (number, _word(row, places[name])))
     columns = {name: np.array(column) for name, column in read.items()}
     stamps = {name: np.array(instants, dtype=np.int64) for name, instants in clocks.items()}
     apart = float(np.median(np.diff(given))) if len(numbers) > 1 else 0.0
@@ -94,6 +102,7 @@ def read_table(path: Path) -> dict[str, Samples]:
             np.stack([columns[name] for name in q], axis=-1),
             f"the times in {own or clock!r}",
             np.array(numbers, dtype=np.int64),
+            _first_words(wrong, (own or clock, *q)),
         )
         for topic, q, own in found
     }
@@ -179,6 +188,19 @@ def _nanoseconds(row: Sequence[str], place: int, power: int) -> int:
         return round(found) if abs(found) < _LATEST else NO_TIME
     except (InvalidOperation, ValueError, OverflowError, IndexError):
         return NO_TIME
+
+
+def _word(row: Sequence[str], place: int) -> str:
+    return repr(one_line(row[place], _SHOWN)) if place < len(row) else "nothing"
+
+
+def _first_words(wrong: Mapping[str, tuple[int, str]], names: Iterable[str]) -> str:
+    """Return the first word under *names* that is no number, and the column."""
+    found = [(*wrong[name], name) for name in names if name in wrong]
+    if not found:
+        return ""
+    first = min(found, key=lambda one: one[0])
+    return f"{first[1]} under {first[2]!r}"
 
 
 def _number(row: Sequence[str], place: int) -> float:

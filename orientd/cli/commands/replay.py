@@ -117,18 +117,16 @@ def replay(
 
 def _figures(found: Orientations, fit: Fit) -> dict[str, Any]:
     """Return the quality of the fit."""
-    count, left_out = len(fit.samples.times), fit.samples.left_out
-    lost = f"more than half of the samples are left out: {left_out} of {left_out + count}"
     return {
         "topic": found.topic,
         "clock": found.clock,
-        "samples": count,
-        "left_out": left_out,
+        "samples": len(fit.samples.times),
+        "left_out": fit.samples.left_out,
         "seconds": fit.seconds,
         "noise_deg": math.degrees(fit.samples.noise),
         "knots": fit.knot_count,
         "error_deg": math.degrees(fit.error),
-        "notes": [*found.notes, *([lost] if left_out > count else [])],
+        "notes": found.notes,
     }
 
 

@@ -132,6 +132,15 @@ def test_times_of_arrival_are_not_called_noise():
         fit_orientations(arrivals, truth(3.0 * t))
 
 
+def test_more_than_a_tenth_of_outliers_is_refused_with_the_time_of_the_first():
+    t = np.arange(0.0, 20.0, 0.02)
+    q = truth(t)
+    wild = np.arange(100, len(t), 8)
+    q[wild] = rotation.multiply(q[wild], rotation.exp([1.0, 0.3, 0.0]))
+    with pytest.raises(PlanError, match=r"of 1000 samples are outliers.*the first at 2.000 s"):
+        fit_orientations(t, q)
+
+
 def test_too_few_samples_are_refused():
     with pytest.raises(PlanError, match="at least 8 samples, got 5"):
         fit_orientations(np.arange(5.0), truth(np.arange(5.0)))

@@ -291,9 +291,9 @@ def test_a_message_without_a_channel_is_missed(tmp_path):
         writer = Writer(stream)
         writer.start()
         channel = writer.register_channel("/head", "json", 0)
-        for number in (channel, channel, channel + 1):
+        for time, number in enumerate((channel, channel, channel + 1)):
             content = b'{"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}'
-            writer.add_message(number, log_time=10**9, data=content, publish_time=10**9)
+            writer.add_message(number, log_time=time, data=content, publish_time=time)
         writer.finish()
     assert "1 messages are missing besides" in refusal(path)
     assert len(read_orientations(path, partial=True).times) == 2

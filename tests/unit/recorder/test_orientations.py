@@ -329,7 +329,7 @@ def test_times_of_arrival_are_recognised(tmp_path):
     (note,) = read_orientations(path).notes
     assert note.startswith("the times look like times of arrival")
     assert note.endswith(expected)
-    assert_refused(inside("replay", path, "--dry-run"), "stays within 1 deg", expected)
+    assert_refused(inside("replay", path, "--dry-run"), "at most a tenth: ", expected)
 
 
 def test_random_times_are_no_times_of_arrival(tmp_path):
@@ -360,10 +360,12 @@ def test_a_stamp_without_nanoseconds_or_seconds_is_taken(tmp_path):
 
 def test_a_stamp_out_of_all_time_is_none(tmp_path):
     turn = named([1.0, 0.0, 0.0, 0.0])
-    messages = [{"stamp": stamp, "q": turn} for stamp in (1.0, 1e300, -1e300, 2.0)]
+    messages = [{"stamp": stamp, "q": turn} for stamp in (1.0, 1e300, -1e300, *range(2, 20))]
     found = read_orientations(json_file(tmp_path / "a.mcap", messages))
-    np.testing.assert_array_equal(found.times, [0.0, np.nan, np.nan, 1.0])
-    assert any("2 of 4 samples lack a number" in note for note in found.notes)
+    np.testing.assert_allclose(found.times, [0.0, np.nan, np.nan, *range(1, 19)], atol=1e-9)
+    assert found.notes == (
+        "left out: 2 of 21 samples without a time or number (first in sample 1)",
+    )
 
 
 @pytest.mark.parametrize("name", ["orientation", "rotation", "quaternion", "q"])
@@ -402,12 +404,60 @@ def test_a_measurement_that_was_read_twice_is_one(tmp_path):
 def test_norms_near_one_are_scaled_and_others_are_left_out(tmp_path):
     rows = [[1.0, 0.0, 0.0, 0.0], [0.51, 0.0, 0.0, 0.0], [1.99, 0.0, 0.0, 0.0]]
     rows += [[0.49, 0.0, 0.0, 0.0], [0.0, 2.01, 0.0, 0.0]]
+    rows += [[1.0, 0.0, 0.0, 0.0]] * 20
     messages = [{"q": named(row)} for row in rows]
     found = read_orientations(json_file(tmp_path / "a.mcap", messages))
     assert found.q[:3].tolist() == [[1.0, 0.0, 0.0, 0.0]] * 3
-    assert np.isnan(found.q[3:]).all()
-    assert "2 of 5 quaternions have norms from 0.51 to 1.99: scaled to 1" in found.notes
-    assert any("first in sample 3, of norm 0.49" in note for note in found.notes)
+    assert np.isnan(found.q[3:5]).all()
+    assert found.notes == (
+        "left out: 2 of 25 quaternions with a norm outside 0.5 to 2 (first in sample 3: 0.49)",
+        "scaled to 1: 2 of 25 quaternions with norms from 0.51 to 1.99",
+    )
+
+
+@pytest.mark.parametrize("norm", [0.45, 2.0, 2.1, 3.0, 100.0, 2.0**14, 2.0**30, 1e200])
+def test_quaternions_of_any_scale_are_scaled_with_a_note(tmp_path, norm):
+    messages = [{"stamp": t, "q": named(norm * q)} for t, q in zip(TIMES.tolist(), Q, strict=True)]
+    messages[4]["q"] = named([0.0, 0.0, 0.0, 0.0])
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    np.testing.assert_allclose(np.delete(found.q, 4, axis=0), np.delete(Q, 4, axis=0), atol=1e-9)
+    assert np.isnan(found.q[4]).all()
+    left_out, scaled = found.notes
+    assert left_out.endswith("(first in sample 4: 0)")
+    assert scaled == f"scaled to 1: 19 of 20 quaternions with norm {norm:.6g}"
+
+
+def test_two_scales_in_one_recording_are_refused(tmp_path):
+    messages = [{"stamp": t, "q": named(q)} for t, q in zip(TIMES.tolist(), 100.0 * Q, strict=True)]
+    for k in (3, 7, 11):
+        messages[k]["q"] = named(Q[k])
+    expected = (
+        r"more than a tenth of the samples is unusable: 3 of 20 quaternions with a norm outside 50 "
+        r"to 200 \(first in sample 3: 1\); cut or repair the recording"
+    )
+    with pytest.raises(RecordingError, match=expected):
+        read_orientations(json_file(tmp_path / "a.mcap", messages))
+
+
+@pytest.mark.parametrize("junk", [2, 3])
+def test_more_than_a_tenth_of_junk_is_refused(tmp_path, junk):
+    messages = [{"stamp": t, "q": named(q)} for t, q in zip(TIMES.tolist(), Q, strict=True)]
+    for k in range(5, 5 + junk):
+        messages[k]["stamp"] = 1e300
+    path = json_file(tmp_path / "a.mcap", messages)
+    problem = f"{junk} of 20 samples without a time or number (first in sample 5)"
+    if junk == 2:
+        assert read_orientations(path).notes == (f"left out: {problem}",)
+    else:
+        for command in (("replay", path, "--dry-run"), ("plot", path, "-o", tmp_path / "a.svg")):
+            assert_refused(inside(*command), "more than a tenth of the samples", problem)
+
+
+def test_samples_at_one_time_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,qw,qx,qy,qz\n" + "1.5,1,0,0,0\n" * 20)
+    with pytest.raises(RecordingError, match=r"all 20 samples have the same time, 1\.5 s, by the"):
+        read_orientations(path)
 
 
 def test_repeated_and_late_times_have_a_note(tmp_path):
@@ -415,8 +465,8 @@ def test_repeated_and_late_times_have_a_note(tmp_path):
     stamps = [1.0, 1.1, 1.1, 1.3, 1.25, 1.4]
     messages = [{"stamp": stamp, "q": turn} for stamp in stamps]
     found = read_orientations(json_file(tmp_path / "a.mcap", messages))
-    assert "1 of 6 samples repeat a time and are left out" in found.notes
-    assert any("steps back 1 times, first in sample 4, by at most 0.05 s" in n for n in found.notes)
+    assert "not used: 1 of 6 samples with the time of an earlier sample" in found.notes
+    assert any("steps back once, first in sample 4, by at most 0.05 s" in n for n in found.notes)
     steady = [{"stamp": 1.0 + 0.1 * k, "q": turn} for k in range(5)]
     assert read_orientations(json_file(tmp_path / "b.mcap", steady)).notes == ()
 

@@ -84,8 +84,8 @@ def test_norms_of_six_decimals_have_a_note(tmp_path):
     found = read_orientations(euroc(tmp_path / "a.csv", q=q))
     check(found)
     (note,) = found.notes
-    assert "quaternions have norms from 0.99999" in note
-    assert note.endswith("scaled to 1")
+    assert note.startswith("scaled to 1: ")
+    assert "quaternions with norms from 0.99999" in note
 
 
 def test_norms_that_are_far_off_are_named_and_what_is_none_is_left_out(tmp_path):
@@ -95,10 +95,10 @@ def test_norms_that_are_far_off_are_named_and_what_is_none_is_left_out(tmp_path)
     found = read_orientations(euroc(tmp_path / "a.csv", q=q))
     assert np.flatnonzero(np.isnan(found.q).any(axis=1)).tolist() == [7, 11]
     assert np.allclose(np.linalg.norm(np.delete(found.q, [7, 11], axis=0), axis=1), 1.0, atol=2e-6)
-    assert any("150 of 300" in note or "norms from" in note for note in found.notes)
-    assert any(
-        "2 of 300 are no quaternions and left out, the first in line 9" in n for n in found.notes
-    )
+    left_out, scaled = found.notes
+    assert left_out.startswith("left out: 2 of 300 quaternions with a norm outside ")
+    assert left_out.endswith("(first in line 9: 2e+200)")
+    assert " of 300 quaternions with norm" in scaled
 
 
 @pytest.mark.parametrize("write", [tum, euroc])
@@ -108,7 +108,7 @@ def test_one_stamp_that_steps_back_is_named_with_its_line(tmp_path, write):
     path = write(tmp_path / ("a.tum" if write is tum else "a.csv"), ns=ns)
     line = 105 if write is tum else 102
     note = next(note for note in read_orientations(path).notes if "steps back" in note)
-    assert note.startswith(f"the time steps back 1 times, first in line {line}, by at most 0.395")
+    assert note.startswith(f"the time steps back once, first in line {line}, by at most 0.395")
 
 
 @pytest.mark.parametrize("offset_ns", [0, 7_000_000])
@@ -137,12 +137,12 @@ def test_samples_that_come_a_little_late_are_put_in_order(tmp_path):
 def test_blocks_that_were_written_out_of_order_are_put_in_order(tmp_path):
     order = np.concatenate([np.arange(100), np.arange(200, 300), np.arange(100, 200)])
     found = read_orientations(euroc(tmp_path / "a.csv", ns=NS[order], q=Q[order]))
-    assert any("the time steps back 1 times" in note for note in found.notes)
+    assert any("the time steps back once" in note for note in found.notes)
 
 
 def test_ten_poses_to_a_stamp_are_counted(tmp_path):
     found = read_orientations(euroc(tmp_path / "a.csv", ns=NS // (10 * STEP_NS) * 10 * STEP_NS))
-    assert "270 of 300 samples repeat a time and are left out" in found.notes
+    assert "not used: 270 of 300 samples with the time of an earlier sample" in found.notes
 
 
 def test_a_line_that_is_cut_is_named(tmp_path):
@@ -151,9 +151,8 @@ def test_a_line_that_is_cut_is_named(tmp_path):
         path.write_text(text[: text.rstrip().rindex("0.3") - 30])
         note = read_orientations(path).notes[0]
         last = len(path.read_text().splitlines())
-        assert (
-            note == f"1 of {COUNT} samples lack a number and are left out, the first in line {last}"
-        )
+        problem = f"1 of {COUNT} samples without a time or number (first in line {last}: nothing"
+        assert note.startswith(f"left out: {problem} under 'q")
 
 
 @pytest.mark.parametrize(
@@ -204,11 +203,12 @@ def test_tum_columns_may_be_named_in_any_order_and_split_by_commas(tmp_path):
 def test_an_orientation_may_have_times_of_its_own(tmp_path):
     header = "time_s,qw,qx,qy,qz,head_time_s,head_w,head_x,head_y,head_z"
     rows = ["1,1,0,0,0,5,0,1,0,0", "2,1,0,0,0,7.5,0,1,0,0", "3,1,0,0,0,,0,1,0,0"]
+    rows += [f"{k},1,0,0,0,{k + 6},0,1,0,0" for k in range(4, 12)]
     (tmp_path / "a.csv").write_text("\n".join([header, *rows, "", ""]))
-    assert read_orientations(tmp_path / "a.csv").times.tolist() == [0.0, 1.0, 2.0]
+    assert read_orientations(tmp_path / "a.csv").times.tolist() == list(range(11))
     found = read_orientations(tmp_path / "a.csv", "head")
-    np.testing.assert_array_equal(found.times, [0.0, 2.5, np.nan])
-    assert "the first in line 4" in found.notes[0]
+    np.testing.assert_array_equal(found.times, [0.0, 2.5, np.nan, *range(5, 13)])
+    assert found.notes[0].endswith("(first in line 4: '' under 'head_time_s')")
 
 
 @pytest.mark.parametrize("row", ["1,1,0,0," + "0" * 2**20, "1,1,0,0," + '"\n",' * 2**19])
@@ -229,12 +229,14 @@ def test_many_rows_are_no_long_row(tmp_path):
 
 @pytest.mark.parametrize("number", ["", "nan", "inf", "x", "1e400"])
 def test_a_word_that_is_no_number_leaves_its_sample_out(tmp_path, number):
-    rows = ["0,1,0,0,0", f"1,1,{number},0,0", f"{number},1,0,0,0", "3,1,0,0,0"]
+    rows = ["0,1,0,0,0", f"1,1,{number},0,0", f"{number},1,0,0,0"]
+    rows += [f"{k},1,0,0,0" for k in range(3, 20)]
     (tmp_path / "a.csv").write_text("\n".join(["t,qw,qx,qy,qz", *rows]))
     found = read_orientations(tmp_path / "a.csv")
-    np.testing.assert_array_equal(found.times, [0.0, 1.0, np.nan, 3.0])
-    assert np.isnan(found.q).any(axis=1).tolist() == [False, True, False, False]
-    assert "2 of 4 samples lack a number and are left out, the first in line 3" in found.notes
+    np.testing.assert_allclose(found.times, [0.0, 1.0, np.nan, *range(3, 20)], atol=1e-9)
+    assert np.flatnonzero(np.isnan(found.q).any(axis=1)).tolist() == [1]
+    words = f"(first in line 3: {number!r} under 'qx')"
+    assert f"left out: 2 of 20 samples without a time or number {words}" in found.notes
 
 
 def test_random_cuts_and_letters_never_end_in_a_trace(tmp_path):
@@ -272,8 +274,21 @@ def test_replay_names_norms_and_refuses_a_clock_that_starts_again(tmp_path):
     path = euroc(tmp_path / "a.csv", q=q)
     done = orientd("replay", path, "--dry-run")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "note: 299 of 300 quaternions have norms from 1.01 to 1.01: scaled to 1" in done.stdout
-    assert "note: 1 of 300 are no quaternions and left out, the first in line 5" in done.stdout
+    assert "note: scaled to 1: 299 of 300 quaternions with norm" in done.stdout
+    assert "note: left out: 1 of 300 quaternions with a norm outside 0.505 to 2.02" in done.stdout
+    assert "(first in line 5: 2e+200)" in done.stdout
     ns = np.concatenate([NS[:150], NS[:150]])
     done = orientd("replay", euroc(path, ns=ns), "--dry-run")
     assert_refused(done, "the time steps back by")
+
+
+def test_a_table_that_is_mostly_junk_is_refused_with_its_first_line_and_word(tmp_path):
+    path = euroc(tmp_path / "a.csv")
+    lines = path.read_text().splitlines()
+    lines[5 : 5 + 40] = ["junk,,x,y,"] * 40
+    path.write_text("\n".join(lines))
+    assert_refused(
+        orientd("replay", path, "--dry-run"),
+        "more than a tenth of the samples is unusable: 40 of 300 samples without a time or number",
+        "(first in line 6: 'junk' under 'timestamp')",
+    )
