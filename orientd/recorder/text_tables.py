@@ -1,16 +1,19 @@
 """Read orientations from text: csv tables with column names (also EuRoC), TUM trajectories.
 
-Times are read digit by digit, as whole nanoseconds: a double of the time of day has steps of
-hundreds of them.
+A table may have commas, semicolons, tabs or spaces between its columns, and decimal commas if
+these are no commas.  Times are read digit by digit, as whole nanoseconds: a double of the time of
+day has steps of hundreds of them.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import TextIO
@@ -28,9 +31,24 @@ TUM_ENDINGS = (".tum", ".txt")
 _TUM = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 _UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 """Powers of ten, in nanoseconds."""
-_TIMES = {"time_s": "s", "time": "s", "t": "s", "timestamp": "s", "time_ns": "ns", "stamp": "s"}
-_HEADING = re.compile(r"#?\s*([^\[\]]*?)\s*(?:\[([^\]]*)\])?\s*")
+_TIMES = {
+    # Of `rostopic echo -p`, which also has the time of arrival.
+    "field.header.stamp": "ns",
+    "time_s": "s", "time": "s", "t": "s", "timestamp": "s", "time_ns": "ns", "stamp": "s",
+}  # fmt: skip
+"""Names of columns of times, in any case, the better clock first, and their usual units."""
+_HEADING = re.compile(r"[#%]?\s*([^\[\]]*?)\s*(?:\[([^\]]*)\])?\s*")
 """A name and, in brackets, its unit, as EuRoC has them."""
+_COMMENT = ("#", "%")
+_DELIMITERS = ("\t", ";", ",")
+"""Between columns, the first one that the names have; a comma may also be in a number."""
+_EXPECTED = "time_s,qw,qx,qy,qz"
+_BOMS = {
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+"""Marks at the beginning of a file, the longer one first."""
 _NO_SECONDS = 10**17
 """A whole number of seconds from here on is one of nanoseconds."""
 _FAR_APART = 1e3
@@ -38,6 +56,8 @@ _FAR_APART = 1e3
 _LATEST = 2**62
 _SHOWN = 40
 """Most characters of a word in an error."""
+_MOST_NAMES = 12
+"""Most columns in an error."""
 _LONGEST_ROW = MEBIBYTE
 """Bytes of a row of a table; of a wide one, some thousand."""
 
@@ -46,54 +66,93 @@ Row = tuple[int, list[str]]
 """Number of the line that a row ends in, and its words."""
 
 
+@dataclass(slots=True)
+class _Table:
+    """A table of text.
+
+    Attributes:
+        path: of the file.
+        names: of the columns.
+        rows: number of the line that each ends in, and its words.
+        has_commas: whether a comma may be the point of a number.
+    """
+
+    path: Path
+    names: Sequence[str]
+    rows: Iterator[Row]
+    has_commas: bool
+
+
 def read_table(path: Path) -> dict[str, Samples]:
     """Return the orientations of a csv file or a TUM trajectory, by the common part of the names.
 
     Raises:
-        RecordingError: there is no column of times, it is in another unit, or a TUM trajectory does
-            not have eight numbers in its first line.
+        RecordingError: there is no column of times, no quaternion or no row, the times are in
+            another unit, or the first line of a TUM trajectory is none.
         OSError: the file cannot be read.
     """
     check_regular(path)
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
+    with path.open(newline="", encoding=_encoding(path), errors="replace") as stream:
         lines = _Lines(path, stream)
-        rows = _tum_rows(path, lines) if path.suffix in TUM_ENDINGS else _csv_rows(path, lines)
-        _, names = next(rows, (0, []))
-        header = [_HEADING.fullmatch(name) for name in names]
-        places = {match[1]: place for place, match in enumerate(header) if match}
-        clock = next((name for name in _TIMES if name in places), None)
-        if clock is None:
-            raise RecordingError(f"{path}: no column of times; expected {', '.join(_TIMES)}")
-        said = header[places[clock]]
-        unit = (said[2] if said else None) or _TIMES[clock]
-        if unit not in _UNITS:
-            raise RecordingError(
-                f"{path}: the column {clock!r} is in {unit!r}; expected {', '.join(_UNITS)}"
-            )
-        found = list(_quaternion_columns(places))
-        clocks = {name: array("q") for name in {clock, *(own for _, _, own in found if own)}}
-        read = {name: array("d") for name in {name for _, q, _ in found for name in q}}
-        numbers, given = array("q"), array("d")
-        wrong: dict[str, tuple[int, str]] = {}
-        for number, row in rows:
-            given.append(_number(row, places[clock]))
-            if not numbers and unit == "s" and given[0] >= _NO_SECONDS:
-                unit = "ns"
-            numbers.append(number)
-            for name, instants in clocks.items():
-                instants.append(_nanoseconds(row, places[name], _UNITS[unit]))
-                if instants[-1] == NO_TIME:
-                    wrong.setdefault(name, (number, _word(row, places[name])))
-            for name, column in read.items():
-                column.append(_number(row, places[name]))
-                if math.isnan(column[-1]):
-                    wrong.setdefault(name, (number, _word(row, places[name])))
+        table = _tum(path, lines) if path.suffix in TUM_ENDINGS else _csv(path, lines)
+        return _samples(table)
+
+
+def _samples(table: _Table) -> dict[str, Samples]:
+    header = [_HEADING.fullmatch(name) for name in table.names]
+    headings = [
+        match[1] if match else name for match, name in zip(header, table.names, strict=True)
+    ]
+    places = {name: place for place, name in enumerate(headings)}
+    clocks_found = {name.lower(): name for name in reversed(headings) if name.lower() in _TIMES}
+    clock = next((clocks_found[name] for name in _TIMES if name in clocks_found), None)
+    found = list(_quaternion_columns(places))
+    if clock is None or not found:
+        what = "column of times" if clock is None else "quaternion"
+        of_times = "" if clock is not None else f", or {', '.join(list(_TIMES)[1:])} for the times"
+        came = ", ".join(one_line(name, _SHOWN) for name in headings[:_MOST_NAMES])
+        more = ", ..." if len(headings) > _MOST_NAMES else ""
+        raise RecordingError(
+            f"{table.path}: no {what} in the columns {came}{more}; expected {_EXPECTED}{of_times}"
+        )
+    used = {clock, *(name for _, q, own in found for name in (*q, own) if name)}
+    twice = next((name for name in headings if name in used and headings.count(name) > 1), None)
+    if twice is not None:
+        raise RecordingError(f"{table.path}: two columns are called {twice!r}; rename one")
+    said = header[places[clock]]
+    unit = (said[2] if said else None) or _TIMES[clock.lower()]
+    if unit not in _UNITS:
+        raise RecordingError(
+            f"{table.path}: the column {clock!r} is in {unit!r}; expected {', '.join(_UNITS)}"
+        )
+    clocks = {name: array("q") for name in {clock, *(own for _, _, own in found if own)}}
+    read = {name: array("d") for name in {name for _, q, _ in found for name in q}}
+    numbers, given = array("q"), array("d")
+    wrong: dict[str, tuple[int, str]] = {}
+    for number, row in table.rows:
+        words = _words(table, row)
+        given.append(_number(words[places[clock]]) if words else math.nan)
+        if not numbers and unit == "s" and given[0] >= _NO_SECONDS:
+            unit = "ns"
+        numbers.append(number)
+        for name, instants in clocks.items():
+            power = _UNITS[unit]
+            instants.append(_nanoseconds(words[places[name]], power) if words else NO_TIME)
+            if instants[-1] == NO_TIME and name not in wrong:
+                wrong[name] = number, _cause(words, row, table, places[name])
+        for name, column in read.items():
+            column.append(_number(words[places[name]]) if words else math.nan)
+            if math.isnan(column[-1]) and name not in wrong:
+                wrong[name] = number, _cause(words, row, table, places[name])
+    if not numbers:
+        raise RecordingError(f"{table.path}: no rows below the names of the columns")
     columns = {name: np.array(column) for name, column in read.items()}
     stamps = {name: np.array(instants, dtype=np.int64) for name, instants in clocks.items()}
-    apart = float(np.median(np.diff(given))) if len(numbers) > 1 else 0.0
+    known = np.array(given)[~np.isnan(given)]
+    apart = float(np.median(np.diff(known))) if len(known) > 1 else 0.0
     if unit == "s" and apart > _FAR_APART:
         raise RecordingError(
-            f"{path}: the column {clock!r} is in seconds, and rows are {apart:g} s apart; "
+            f"{table.path}: the column {clock!r} is in seconds, and rows are {apart:g} s apart; "
             "call it 'time_ns' if it holds nanoseconds"
         )
     return {
@@ -102,45 +161,103 @@ def read_table(path: Path) -> dict[str, Samples]:
             np.stack([columns[name] for name in q], axis=-1),
             f"the times in {own or clock!r}",
             np.array(numbers, dtype=np.int64),
-            _first_words(wrong, (own or clock, *q)),
+            min((wrong[name] for name in (own or clock, *q) if name in wrong), default=(0, ""))[1],
         )
         for topic, q, own in found
     }
 
 
-def _csv_rows(path: Path, lines: _Lines) -> Iterator[Row]:
-    """Yield the names of the columns, and the rows that are not empty."""
-    rows = csv.reader(lines)
-    try:
-        for row in rows:
-            lines.begin_row()
-            if row:
-                yield rows.line_num, row
-    except csv.Error as error:
+def _encoding(path: Path) -> str:
+    """Return the encoding of a text, by its mark or, of ASCII in two bytes each, by its zeros."""
+    with path.open("rb") as stream:
+        head = stream.read(4)
+    for mark, name in _BOMS.items():
+        if head.startswith(mark):
+            return name
+    zeros = [byte == 0 for byte in head]
+    if zeros == [False, True, False, True]:
+        return "utf-16-le"
+    return "utf-16-be" if zeros == [True, False, True, False] else "utf-8-sig"
+
+
+def _csv(path: Path, lines: _Lines) -> _Table:
+    """Return a table with names in its first line, or in a comment before it."""
+    heading = _heading(lines)
+    if not heading:
+        raise RecordingError(f"{path}: empty; expected columns such as {_EXPECTED}")
+    delimiter = next((one for one in _DELIMITERS if one in heading), "")
+    names = next(_split(iter([heading]), delimiter))
+    if not any(math.isnan(_number(word.replace(",", "."))) for word in names):
         raise RecordingError(
-            f"{path}: line {rows.line_num} is no row of a table: {error}"
-        ) from error
+            f"{path}: line {lines.number} has numbers, expected the names of the columns; put a "
+            f"line such as {_EXPECTED} before it"
+        )
+    return _Table(path, names, _csv_rows(path, lines, delimiter), has_commas=delimiter != ",")
+
+
+def _heading(lines: _Lines) -> str:
+    """Return the line that names the columns, without the mark of a comment."""
+    for line in lines:
+        lines.begin_row()
+        if line.startswith(_COMMENT):
+            named = [word.lower() for word in re.split(r"[,;\s]+", line[1:].strip())]
+            places = {name: place for place, name in enumerate(named)}
+            # Other comments are no headings.
+            if not (places.keys() & _TIMES.keys() and list(_quaternion_columns(places))):
+                continue
+        if line.strip():
+            return line.lstrip("".join(_COMMENT)).strip(" \r\n")
+    return ""
+
+
+def _split(lines: Iterator[str], delimiter: str) -> Iterator[list[str]]:
+    """Return the words of each row; without a delimiter, spaces are between them."""
+    if not delimiter:
+        return (line.split() for line in lines)
+    return csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+
+
+def _csv_rows(path: Path, lines: _Lines, delimiter: str) -> Iterator[Row]:
+    """Yield the rows that are neither empty nor comments."""
+    try:
+        for row in _split(lines, delimiter):
+            lines.begin_row()
+            if row and not row[0].startswith(_COMMENT):
+                yield lines.number, row
+    except csv.Error as error:
+        raise RecordingError(f"{path}: line {lines.number} is no row: {error}") from error
+
+
+def _tum(path: Path, lines: _Lines) -> _Table:
+    """Return a trajectory, with its columns in another order if a comment names them so."""
+    rows = _tum_rows(path, lines)
+    _, names = next(rows, (0, []))
+    if not names:
+        raise RecordingError(f"{path}: empty; expected {' '.join(_TUM)} in each line")
+    return _Table(path, names, rows, has_commas=False)
 
 
 def _tum_rows(path: Path, lines: _Lines) -> Iterator[Row]:
     """Yield the names of the columns, which a comment may give in another order, and the rows."""
     names, is_begun = list(_TUM), False
-    for number, line in enumerate(lines, 1):
+    for line in lines:
         lines.begin_row()
         row = line.replace(",", " ").split()
         if not row:
             continue
-        if row[0].startswith("#"):
-            named = line.lstrip("# \t").replace(",", " ").split()
+        if row[0].startswith(_COMMENT):
+            named = line.lstrip("#% \t").replace(",", " ").split()
             names = named if sorted(named) == sorted(_TUM) else names
             continue
-        if not is_begun and len(row) != len(_TUM):
-            expected = f"expected {' '.join(_TUM)} in each line"
-            raise RecordingError(f"{path}: {expected}, got {len(row)} words in line {number}")
+        if not is_begun and (len(row) != len(_TUM) or math.isnan(_number(row[0]))):
+            raise RecordingError(
+                f"{path}: line {lines.number} is {one_line(line, _SHOWN)!r}; expected "
+                f"{' '.join(_TUM)} in each line (a table with named columns ends in .csv)"
+            )
         if not is_begun:
             is_begun = True
             yield 0, names
-        yield number, row
+        yield lines.number, row
 
 
 def _quaternion_columns(
@@ -158,12 +275,17 @@ def _quaternion_columns(
 
 
 class _Lines:
-    """The lines of a file, as long as those of one row are no longer than a row may be."""
+    """The lines of a file, as long as those of one row are no longer than a row may be.
+
+    Attributes:
+        number: of the line that was read last, from 1.
+    """
 
     def __init__(self, path: Path, stream: TextIO) -> None:
         self._path = path
         self._stream = stream
         self._room = _LONGEST_ROW
+        self.number = 0
 
     def begin_row(self) -> None:
         self._room = _LONGEST_ROW
@@ -178,34 +300,37 @@ class _Lines:
             raise RecordingError(f"{self._path}: a row of more than {_LONGEST_ROW} characters")
         if not line:
             raise StopIteration
+        self.number += 1
         return line
 
 
-def _nanoseconds(row: Sequence[str], place: int, power: int) -> int:
+def _words(table: _Table, row: list[str]) -> list[str]:
+    """Return the words of a row as numbers are written, none if they do not fit the columns."""
+    count = len(table.names)
+    if len(row) < count or any(word.strip() for word in row[count:]):
+        return []
+    return [word.replace(",", ".") for word in row] if table.has_commas else row
+
+
+def _cause(words: Sequence[str], row: Sequence[str], table: _Table, place: int) -> str:
+    """Return why a row has no number at *place*."""
+    if not words:
+        return f"{len(row)} fields under {len(table.names)} columns"
+    return f"{one_line(row[place], _SHOWN)!r} under {table.names[place]!r}"
+
+
+def _nanoseconds(word: str, power: int) -> int:
     """Return a time in whole nanoseconds, of a text in units of ten to a *power* of them."""
     try:
-        found = Decimal(row[place].strip()).scaleb(power)
+        found = Decimal(word.strip()).scaleb(power)
         return round(found) if abs(found) < _LATEST else NO_TIME
-    except (InvalidOperation, ValueError, OverflowError, IndexError):
+    except (InvalidOperation, ValueError, OverflowError):
         return NO_TIME
 
 
-def _word(row: Sequence[str], place: int) -> str:
-    return repr(one_line(row[place], _SHOWN)) if place < len(row) else "nothing"
-
-
-def _first_words(wrong: Mapping[str, tuple[int, str]], names: Iterable[str]) -> str:
-    """Return the first word under *names* that is no number, and the column."""
-    found = [(*wrong[name], name) for name in names if name in wrong]
-    if not found:
-        return ""
-    first = min(found, key=lambda one: one[0])
-    return f"{first[1]} under {first[2]!r}"
-
-
-def _number(row: Sequence[str], place: int) -> float:
+def _number(word: str) -> float:
     try:
-        number = float(row[place])
-    except (ValueError, IndexError):
+        number = float(word)
+    except ValueError:
         return math.nan
     return number if math.isfinite(number) else math.nan

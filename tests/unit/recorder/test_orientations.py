@@ -174,9 +174,22 @@ def test_without_a_topic_the_columns_without_a_name_are_meant(tmp_path):
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("qw,qx,qy,qz\n1,0,0,0\n", "no column of times"),
-        ("time,roll\n0,1\n", "no orientations in it"),
-        ("", "no column of times"),
+        (
+            "qw,qx,qy,qz\n1,0,0,0\n",
+            "no column of times in the columns qw, qx, qy, qz; expected time_s,qw,qx,qy,qz, or "
+            "time_s, time, t, timestamp, time_ns, stamp for the times",
+        ),
+        (
+            "time;roll;pitch;yaw\n0;1;2;3\n",
+            "no quaternion in the columns time, roll, pitch, yaw; expected time_s,qw,qx,qy,qz",
+        ),
+        ("time,q0,q1,q2,q3\n0,1,0,0,0\n", "no quaternion in the columns time, q0, q1, q2, q3;"),
+        ("", r"a\.csv: empty; expected columns such as time_s,qw,qx,qy,qz"),
+        ("# nothing else\n\n", r"a\.csv: empty; expected columns such as"),
+        ("time,qw,qx,qy,qz\n", r"a\.csv: no rows below the names of the columns"),
+        ("# no names\n0,1,0,0,0\n", "line 2 has numbers, expected the names of the columns; put a"),
+        ("0;1,0;0,0;0,0;0,0\n", "line 1 has numbers, expected the names of the columns"),
+        ("time,qw,qx,qy,qz,qw\n0,1,0,0,0,1\n", "two columns are called 'qw'; rename one"),
     ],
 )
 def test_tables_of_something_else_are_refused(tmp_path, text, problem):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import warnings
 
 import numpy as np
@@ -151,15 +152,17 @@ def test_a_line_that_is_cut_is_named(tmp_path):
         path.write_text(text[: text.rstrip().rindex("0.3") - 30])
         note = read_orientations(path).notes[0]
         last = len(path.read_text().splitlines())
-        problem = f"1 of {COUNT} samples without a time or number (first in line {last}: nothing"
-        assert note.startswith(f"left out: {problem} under 'q")
+        problem = f"1 of {COUNT} samples without a time or number (first in line {last}: "
+        assert note.startswith(f"left out: {problem}")
+        assert re.search(r"\d fields under (8|11) columns\)$", note)
 
 
 @pytest.mark.parametrize(
     ("name", "text", "problem"),
     [
-        ("a.tum", "1 2 3\n", "expected timestamp tx ty tz qx qy qz qw in each line, got 3 words"),
-        ("a.txt", "once upon a time there was\n", "in each line, got 6 words in line 1"),
+        ("a.tum", "1 2 3\n", "line 1 is '1 2 3'; expected timestamp tx ty tz qx qy qz qw in each"),
+        ("a.txt", "once upon a time there was no robot\n", "line 1 is 'once upon a time there was"),
+        ("a.txt", "", "empty; expected timestamp tx ty tz qx qy qz qw in each line"),
         (
             "a.csv",
             "#timestamp [fortnight], q_w, q_x, q_y, q_z\n1,1,0,0,0\n",
@@ -285,10 +288,107 @@ def test_replay_names_norms_and_refuses_a_clock_that_starts_again(tmp_path):
 def test_a_table_that_is_mostly_junk_is_refused_with_its_first_line_and_word(tmp_path):
     path = euroc(tmp_path / "a.csv")
     lines = path.read_text().splitlines()
-    lines[5 : 5 + 40] = ["junk,,x,y,"] * 40
+    lines[5 : 5 + 40] = ["junk" + 10 * ",x"] * 40
     path.write_text("\n".join(lines))
     assert_refused(
         orientd("replay", path, "--dry-run"),
         "more than a tenth of the samples is unusable: 40 of 300 samples without a time or number",
         "(first in line 6: 'junk' under 'timestamp')",
     )
+
+
+def table(path, *, delimiter=",", point=".", heading="time_s,qw,qx,qy,qz", before="", code="utf-8"):
+    rows = [
+        delimiter.join(f"{number:.9f}".replace(".", point) for number in (t, *q))
+        for t, q in zip(TIMES, Q, strict=True)
+    ]
+    text = "\n".join([before + heading.replace(",", delimiter), *rows, ""])
+    path.write_bytes(text.encode(code))
+    return path
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        {"delimiter": ";"},
+        {"delimiter": ";", "point": ","},
+        {"delimiter": "\t"},
+        {"delimiter": "\t", "point": ","},
+        {"delimiter": " "},
+        {"delimiter": "  "},
+        {"delimiter": ", "},
+        {"before": "# a comment, of the time of day\n\n% another; one\n"},
+        {"before": "# "},
+        {"before": "# ", "delimiter": " "},
+        {"before": "% ", "delimiter": ";", "point": ","},
+        {"heading": "Time,qw,qx,qy,qz"},
+        {"heading": '"time_s","qw","qx","qy","qz"'},
+        {"code": "utf-16"},
+        {"code": "utf-16-le"},
+        {"code": "utf-16-be"},
+        {"code": "utf-8-sig"},
+        {"code": "utf-32"},
+    ],
+)
+def test_a_table_in_another_dialect_is_read(tmp_path, form):
+    found = read_orientations(table(tmp_path / "a.csv", **form))
+    check(found)
+    assert found.notes == () or "scaled to 1" in found.notes[0]
+
+
+def test_a_name_in_another_encoding_does_no_harm(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{k},1,0,0,0,2\n" for k in range(20))
+    path.write_bytes(f"time,qw,qx,qy,qz,temperature in \N{DEGREE SIGN}C\n{rows}".encode("latin-1"))
+    assert len(read_orientations(path).times) == 20
+
+
+def test_the_output_of_rostopic_is_read_by_the_stamps(tmp_path):
+    names = "%time,field.header.seq,field.header.stamp,field.header.frame_id"
+    names += "".join(f",field.pose.orientation.{axis}" for axis in "xyzw")
+    rows = [
+        f"{START_NS + ns + 7_000_000 + k % 3},{k},{START_NS + ns},map,{x},{y},{z},{w}"
+        for k, (ns, (w, x, y, z)) in enumerate(zip(NS.tolist(), Q, strict=True))
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]))
+    found = read_orientations(tmp_path / "a.csv")
+    check(found)
+    assert found.clock == "the times in 'field.header.stamp'"
+    # A message without a header has the time of arrival alone.
+    text = (tmp_path / "a.csv").read_text().replace("field.header.stamp", "field.number")
+    (tmp_path / "a.csv").write_text(text)
+    found = read_orientations(tmp_path / "a.csv")
+    assert found.clock == "the times in 'time'"
+    assert np.abs(found.times - TIMES).max() < 1e-7
+
+
+@pytest.mark.parametrize(("field", "count"), [(",0", 6), ("", 4)])
+def test_a_row_that_does_not_fit_the_columns_is_named_with_its_line(tmp_path, field, count):
+    path = table(tmp_path / "a.csv")
+    lines = path.read_text().splitlines()
+    lines[7] = lines[7] + field if field else lines[7].rpartition(",")[0]
+    path.write_text("\n".join(lines))
+    found = read_orientations(path)
+    assert np.flatnonzero(np.isnan(found.q).any(axis=1)).tolist() == [6]
+    assert f"(first in line 8: {count} fields under 5 columns)" in found.notes[0]
+
+
+def test_rows_that_all_have_a_field_too_many_are_refused(tmp_path):
+    path = table(tmp_path / "a.csv", point=",")
+    with pytest.raises(RecordingError, match=r"300 of 300 .*first in line 2: 10 fields under 5"):
+        read_orientations(path)
+
+
+def test_empty_fields_at_the_end_of_each_row_do_no_harm(tmp_path):
+    path = table(tmp_path / "a.csv")
+    heading, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([heading, *(f"{row},," for row in rows)]))
+    check(read_orientations(path))
+
+
+def test_comments_between_the_rows_are_no_rows(tmp_path):
+    path = table(tmp_path / "a.csv")
+    lines = path.read_text().splitlines()
+    lines[5:5] = ["# the second take", "% of two"]
+    path.write_text("\n".join(lines))
+    check(read_orientations(path))
