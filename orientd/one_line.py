@@ -1,4 +1,4 @@
-"""Text from others as one line that is harmless in a terminal."""
+"""Text for one line: text from others that is harmless in a terminal, and numbers of things."""
 
 from __future__ import annotations
 
@@ -15,6 +15,15 @@ def shown(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(one if one.isprintable() or one in "\n\t" else ascii(one)[1:-1] for one in text)
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number of things.
+
+    >>> counted(1, "keyframe"), counted(3, "keyframe")
+    ('1 keyframe', '3 keyframes')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def one_line(text: str, most: int = MOST) -> str:

@@ -6,6 +6,7 @@ import math
 import time
 
 from orientd.keep_out import KeepOut
+from orientd.one_line import counted
 from orientd.planner import ANGULAR, AXES, Rate
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import orientation, titled, to_quaternion, word
@@ -93,15 +94,6 @@ def peak(measured: pb.Peak | pb.Figure, unit: str) -> str:
 def _against(value: float, promised: pb.Peak | pb.Figure, unit: str) -> str:
     share = 100.0 * value / promised.limit
     return f"{value:.5g} of {promised.limit:.5g} {unit} ({share:.1f} %)"
-
-
-def count(number: int, noun: str) -> str:
-    """Return a number of things.
-
-    >>> count(1, "keyframe"), count(3, "keyframe")
-    ('1 keyframe', '3 keyframes')
-    """
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def limit(rate: Rate) -> str:
@@ -212,9 +204,9 @@ def statistics(of: pb.MotionStatistics, plan: pb.Plan) -> list[str]:
     late, limits = of.lateness, plan.certificate
     percentiles = " / ".join(f"{1e3 * part:.3f}" for part in (late.p50, late.p99, late.p99_9))
 
-    stalls = f"{count(of.stalls, 'time')}, as the servo process did not run: see `orientd doctor`"
+    stalls = f"{counted(of.stalls, 'time')}, as the servo process did not run: see `orientd doctor`"
     return [
-        f"cycles               {of.cycles}, {count(of.overruns, 'overrun')}, {of.missed} missed",
+        f"cycles               {of.cycles}, {counted(of.overruns, 'overrun')}, {of.missed} missed",
         *([f"on from rest         {stalls}"] if of.stalls else []),
         f"lateness             {percentiles} / {milliseconds(late.largest)} "
         "(p50 / p99 / p99.9 / max)",
@@ -256,7 +248,7 @@ def device(of: pb.DeviceReport) -> list[str]:
         lines += [
             f"  orientation  {orientation(to_quaternion(cycle.q))}",
             f"  cycle        {cycle.index}: {age(of.cycle_age)}, late "
-            f"{milliseconds(cycle.lateness_ns * 1e-9)}, {count(cycle.overruns, 'overrun')}, "
+            f"{milliseconds(cycle.lateness_ns * 1e-9)}, {counted(cycle.overruns, 'overrun')}, "
             f"{cycle.missed} missed, tracking {small_angle(error)}",
             f"  measured     {age(measured)}",
         ]

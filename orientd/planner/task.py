@@ -9,9 +9,10 @@ from typing import Literal, Protocol, TypeVar
 import numpy as np
 
 from orientd.curves import CurveTask, Fit
-from orientd.errors import RequestError
+from orientd.errors import PlanError, RequestError
 from orientd.model import DEFAULT_LIMITS, Keyframe, MotionRequest, Pace
-from orientd.planner.timing import Indices, Knots, chord_knots, turn_lengths
+from orientd.planner.timing import SAME, Indices, Knots, chord_knots, turn_lengths
+from orientd.rotation import angle
 
 Times = Literal["file", "uniform", "chord"]
 OpenEnds = Literal["rest", "natural"]
@@ -107,7 +108,15 @@ def replay_request(
         slower: factor of the duration; ``None`` leaves it to the planner, which makes the motion as
             short as the limits permit.
         pace: ``"even"`` keeps the relative timing of the recording; only without *slower*.
+
+    Raises:
+        PlanError: the fit does not turn.
     """
+    if not (angle(fit.control[1:], fit.control[:-1]) > SAME).any():
+        raise PlanError(
+            f"the recording is at rest: its {len(fit.samples.times)} samples have one orientation; "
+            "there is nothing to replay"
+        )
     times = [None] * len(fit.control)
     if slower is not None:
         times = (slower * (fit.times - fit.times[0])).tolist()

@@ -12,7 +12,11 @@ from typing import Any
 
 from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.errors import OrientdError
+from orientd.recorder.mcap_records import Damages
 from orientd.recorder.writer import RecordingError
+
+LEAVE_OUT = "`--partial` (in Python `partial=True`) leaves out such messages"
+"""The cure for damaged messages."""
 
 
 def is_bag(path: Path) -> bool:
@@ -20,11 +24,19 @@ def is_bag(path: Path) -> bool:
     return path.is_dir() or path.suffix == ".db3"
 
 
-def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
+def messages(
+    path: Path, kinds: dict[str, str], damages: Damages, *, partial: bool = False
+) -> Iterator[tuple[str, int, Any]]:
     """Yield topic, recording time (ns) and content of every message of a known type.
 
     A bag of Humble or older holds no definitions.  For these the definitions of Humble count, and
     topics of other types are left out.
+
+    Args:
+        path: of the bag.
+        kinds: receives the type of each topic.
+        damages: receives the number of damaged messages.
+        partial: whether to leave out damaged messages.
 
     Raises:
         OrientdError: the library is not there.
@@ -37,6 +49,8 @@ def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
         raise OrientdError(
             "ROS 2 bags need the extra `bags`: pip install 'orientd-motion[bags]'"
         ) from error
+    if path.is_dir():
+        _check_description(path)
     try:
         for file in path.iterdir() if path.is_dir() else (path,):
             if not file.is_dir():
@@ -44,11 +58,52 @@ def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
         known = get_typestore(Stores.ROS2_HUMBLE)
         with AnyReader([path], default_typestore=known) as reader:
             types = reader.typestore.fielddefs
+            kinds |= {one.topic: one.msgtype for one in reader.connections}
             readable = [one for one in reader.connections if one.msgtype in types]
             # An empty list would mean all of them.
             for connection, time, content in reader.messages(readable) if readable else ():
-                yield connection.topic, time, reader.deserialize(content, connection.msgtype)
+                try:
+                    message = reader.deserialize(content, connection.msgtype)
+                except Exception as error:
+                    if not partial:
+                        raise RecordingError(
+                            _damaged(path, connection.topic, time, error)
+                        ) from error
+                    damages.lost += 1
+                else:
+                    yield connection.topic, time, message
+    except RecordingError:
+        raise
     # Four libraries raise their own exceptions for damage.
     except Exception as error:
-        text = " ".join(str(error).split())[:200] or type(error).__name__
-        raise RecordingError(f"{path}: not a ROS 2 bag that can be read: {text}") from error
+        raise RecordingError(f"{path}: not a ROS 2 bag that can be read: {_text(error)}") from error
+
+
+def _check_description(path: Path) -> None:
+    """Check that a folder has the description of a bag, as text.
+
+    Raises:
+        RecordingError: it has none.
+        OSError: it cannot be read.
+    """
+    file = path / "metadata.yaml"
+    if not file.exists():
+        has_storage = any(one.suffix in (".db3", ".mcap") for one in path.iterdir())
+        cure = f"`ros2 bag reindex {path}` makes it" if has_storage else "give the folder of a bag"
+        raise RecordingError(f"{path}: not a ROS 2 bag: no metadata.yaml in this folder; {cure}")
+    check_regular(file, most_bytes=MEBIBYTE)
+    try:
+        file.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{file}: not UTF-8: {error.reason}; save it as UTF-8") from error
+
+
+def _damaged(path: Path, topic: str, time_ns: int, error: Exception) -> str:
+    return (
+        f"{path}: a message of {topic} at {1e-9 * time_ns:.3f} s is damaged: {_text(error)}; "
+        f"{LEAVE_OUT}"
+    )
+
+
+def _text(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -37,6 +37,7 @@ from mcap.writer import MCAP0_MAGIC
 from zstandard import get_frame_parameters
 
 from orientd.bounded_file import MEBIBYTE, check_regular
+from orientd.one_line import counted
 from orientd.recorder.writer import RecordingError
 
 LARGEST_CHUNK = 64 * MEBIBYTE
@@ -65,6 +66,10 @@ _READ: Mapping[int, Any] = {
 """Records to decode; the others help programs that seek."""
 
 _IGNORED = frozenset(map(int, Opcode)) - _READ.keys() - {Opcode.MESSAGE}
+
+
+class NotMcapError(RecordingError):
+    """A file of another kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,21 +133,28 @@ class Damages:
 
     def describe(self) -> str:
         """Return the place and size of the damage in one line."""
+        if self.is_cut and self.last_ns is None:
+            return f"it has no end: no message in its {counted(self.size, 'byte')} can be read"
         words = [self._part(part) for part in self.parts[:_SHOWN]]
         if len(self.parts) > _SHOWN:
-            words.append(f"{len(self.parts) - _SHOWN} more parts cannot be read")
+            words.append(f"{counted(len(self.parts) - _SHOWN, 'more part')} cannot be read")
         if self.is_cut:
             words.append(self._end())
         if self.lost:
-            words.append(f"{self.lost} messages are missing besides")
+            words.append(f"{counted(self.lost, 'message')} cannot be read")
         if self.has_no_index:
-            words.append("the index behind its data is cut off")
+            words.append("its data is whole, and the index behind it is cut off")
+        if len(self.parts) > 1:
+            words.append(self._sum())
+        return "; ".join(words)
+
+    def _sum(self) -> str:
         missing = sum(part.count for part in self.parts)
         spans = [(p.begin_ns, p.end_ns) for p in self.parts]
         seconds = sum(end - begin for begin, end in spans if begin is not None and end is not None)
         least = "at least " if self.is_cut or any(None in span for span in spans) else ""
-        words.append(f"missing are {least}{1e-9 * seconds:.3f} s and {missing} bytes")
-        return "; ".join(words)
+        time = f"{1e-9 * seconds:.3f} s, " if seconds else ""
+        return f"missing in all: {least}{time}{counted(missing, 'byte')}"
 
     def _part(self, part: Damage) -> str:
         begin, end = self._seconds(part.begin_ns), self._seconds(part.end_ns)
@@ -152,11 +164,9 @@ class Damages:
             place = f"from {begin} s on"
         else:
             place = f"from {begin} s to {end} s"
-        return f"it cannot be read {place} ({part.count} bytes at byte {part.first})"
+        return f"it cannot be read {place} ({counted(part.count, 'byte')} at byte {part.first})"
 
     def _end(self) -> str:
-        if self.last_ns is None:
-            return f"it has no end: nothing of its {self.size} bytes can be read"
         whole = self.size - (self.parts[-1].count if self.parts else 0)
         return (
             f"it has no end: it reaches to {self._seconds(self.last_ns)} s, {whole} bytes, and "
@@ -177,7 +187,8 @@ def records(path: Path, damages: Damages) -> Iterator[McapRecord]:
 
     Raises:
         OSError: the file cannot be read.
-        RecordingError: it is no MCAP file, or its chunks decompress to an absurd size.
+        NotMcapError: it is no MCAP file.
+        RecordingError: its chunks decompress to an absurd size.
     """
     check_regular(path)
     with path.open("rb") as stream:
@@ -186,8 +197,8 @@ def records(path: Path, damages: Damages) -> Iterator[McapRecord]:
         magic = stream.read(len(MCAP0_MAGIC))
         if magic != MCAP0_MAGIC:
             if magic and MCAP0_MAGIC.startswith(magic):
-                raise RecordingError(f"{path}: an MCAP file of which {size} bytes are left")
-            raise RecordingError(f"{path}: not an MCAP file")
+                raise RecordingError(f"{path}: an MCAP file cut off after {counted(size, 'byte')}")
+            raise NotMcapError(f"{path}: not an MCAP file")
         summary = _summary(stream, size)
         # The end repeats the schemas and channels, which may be in a lost chunk.
         yield from (one for one in summary if isinstance(one, Schema | Channel))
@@ -218,9 +229,9 @@ def records(path: Path, damages: Damages) -> Iterator[McapRecord]:
         is_whole = isinstance(record, DataEnd)
         has_end = _has_end(stream, size)
         damages.is_cut, damages.has_no_index = not (is_whole or has_end), is_whole and not has_end
-        counted = next((one for one in summary if isinstance(one, Statistics)), None)
-        if counted is not None and not damages:
-            damages.lost = max(counted.message_count - count, 0)
+        statistics = next((one for one in summary if isinstance(one, Statistics)), None)
+        if statistics is not None and not damages:
+            damages.lost = max(statistics.message_count - count, 0)
 
 
 def _top_level(

@@ -18,7 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from orientd.one_line import one_line
 from orientd.recorder import bags
+from orientd.recorder.mcap_records import Damages, NotMcapError
 from orientd.recorder.reader import (
     NotOursError,
     Recording,
@@ -35,6 +37,9 @@ from orientd.stream import CycleFlag
 
 _NESTS = ("pose", "transform", "odometry")
 _NAMES = ("orientation", "rotation", "quaternion", "q")
+_MOST_TOPICS = 12
+"""Most topics in an error."""
+_KINDS = "a .mcap, .csv, .tum or .txt file, or a ROS 2 bag (its folder or a .db3 file)"
 _DECODERS = ("mcap_protobuf.decoder", "mcap_ros2.decoder")
 
 
@@ -67,23 +72,21 @@ def read_orientations(path: Path | str, topic: str = "", *, partial: bool = Fals
             bag: its folder or its .db3 file.
         topic: of an MCAP file or a bag, with ``#CHILD`` for one frame of several.  In a csv file,
             the part of the column names before ``_qw`` or ``_w``.
-        partial: whether to read the rest of a cut or damaged MCAP file.
+        partial: whether to read the rest of a cut or damaged MCAP file or bag.
 
     Raises:
         RecordingError: the file cannot be read, has no such topic or several, is damaged, more than
             a tenth of the samples is unusable, or its clock was set back.
     """
     path = Path(path)
-    recording = Recording()
+    damages = Damages()
     with reading(path):
         if path.suffix in (".csv", *TUM_ENDINGS):
             tables = read_table(path)
         elif bags.is_bag(path):
-            tables = _from_bag(path)
+            tables = _from_bag(path, damages, partial=partial)
         else:
-            tables, recording = _from_mcap(path, partial=partial)
-    if not tables:
-        raise RecordingError(f"{path}: no orientations in it")
+            tables, damages = _from_mcap(path, partial=partial)
     if topic and list(tables) == [""]:
         raise RecordingError(
             f"{path}: a csv file has no topics, and the only orientation in this one has no name "
@@ -96,9 +99,8 @@ def read_orientations(path: Path | str, topic: str = "", *, partial: bool = Fals
         raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     name = topic if topic in tables else _meant(path, tables)
     samples = tables[name]
-    damages = [recording.damages.describe()] if recording.damages else []
     q, norms = usable(path, samples)
-    notes = (*damages, *norms, *check_order(path, samples))
+    notes = (*([damages.describe()] if damages else []), *norms, *check_order(path, samples))
     return Orientations(name, samples.seconds(), q, samples.clock, notes)
 
 
@@ -128,14 +130,16 @@ def _listed(tables: Mapping[str, object]) -> str:
     return ", ".join(repr(name) if name else "one without a name" for name in tables)
 
 
-def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Recording]:
-    """Return the orientations in an MCAP file, and the recording with its damages."""
+def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Damages]:
+    """Return the orientations in an MCAP file, and its damages."""
     try:
         recording = load_recording(path, partial=partial)
+        tables = _from_ours(recording)
+    except NotMcapError as error:
+        raise RecordingError(f"{error}; expected {_KINDS}") from error
     except NotOursError:
-        recording = Recording()
-        return _from_others(path, recording, partial=partial), recording
-    return _from_ours(recording) or _from_others(path, Recording(), partial=partial), recording
+        tables = {}
+    return (tables, recording.damages) if tables else _from_others(path, partial=partial)
 
 
 def _from_ours(recording: Recording) -> Tables:
@@ -156,25 +160,35 @@ def _from_ours(recording: Recording) -> Tables:
     return tables
 
 
-def _from_others(path: Path, recording: Recording, *, partial: bool) -> Tables:
+def _from_others(path: Path, *, partial: bool) -> tuple[Tables, Damages]:
     factories = [import_module(name).DecoderFactory() for name in _DECODERS]
+    recording = Recording(path=path)
     decoders: dict[int, Any] = {}
     rows: dict[str, _Rows] = {}
+    kinds: dict[str, str] = {}
     for channel, schema, message in messages(path, recording, partial=partial):
-        with decoding(path, channel.topic):
-            if channel.id not in decoders:
-                decoders[channel.id] = _decoder(channel, schema, factories)
-            decode = decoders[channel.id]
-            content = None if decode is None else decode(message.data)
-        _add(rows, channel.topic, message.log_time, content)
-    return _tables(rows)
+        kinds[channel.topic] = schema.name if schema is not None else "without a schema"
+        try:
+            with decoding(path, channel.topic):
+                if channel.id not in decoders:
+                    decoders[channel.id] = _decoder(channel, schema, factories)
+                decode = decoders[channel.id]
+                content = None if decode is None else decode(message.data)
+        except RecordingError as error:
+            if not partial:
+                raise RecordingError(f"{error}; {bags.LEAVE_OUT}") from error
+            recording.damages.lost += 1
+        else:
+            _add(rows, channel.topic, message.log_time, content)
+    return _tables(path, rows, kinds, recording.damages), recording.damages
 
 
-def _from_bag(path: Path) -> Tables:
+def _from_bag(path: Path, damages: Damages, *, partial: bool) -> Tables:
     rows: dict[str, _Rows] = {}
-    for topic, time, message in bags.messages(path):
+    kinds: dict[str, str] = {}
+    for topic, time, message in bags.messages(path, kinds, damages, partial=partial):
         _add(rows, topic, time, message)
-    return _tables(rows)
+    return _tables(path, rows, kinds, damages)
 
 
 def _add(rows: dict[str, _Rows], topic: str, recorded_ns: int, message: object) -> None:
@@ -186,7 +200,26 @@ def _add(rows: dict[str, _Rows], topic: str, recorded_ns: int, message: object) 
         samples.q.extend(q)
 
 
-def _tables(rows: Mapping[str, _Rows]) -> Tables:
+def _tables(
+    path: Path, rows: Mapping[str, _Rows], kinds: Mapping[str, str], damages: Damages
+) -> Tables:
+    """Return the samples of each topic.
+
+    Raises:
+        RecordingError: no topic has orientations.
+    """
+    if not rows:
+        topics = ", ".join(
+            f"{topic} ({kind})" for topic, kind in list(kinds.items())[:_MOST_TOPICS]
+        )
+        more = ", ..." if len(kinds) > _MOST_TOPICS else ""
+        lost = f"; {damages.describe()}" if damages else ""
+        if not kinds:
+            raise RecordingError(f"{path}: no topics in it{lost}")
+        raise RecordingError(
+            f"{path}: no orientations in its topics, {one_line(topics)}{more}; expected a field "
+            f"orientation, rotation, quaternion or q with w, x, y, z{lost}"
+        )
     return {name: _samples(found) for name, found in rows.items()}
 
 

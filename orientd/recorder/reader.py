@@ -35,6 +35,7 @@ class Recording:
         facts: the metadata ``orientd``.
         offset_ns: from the monotonic clock to the time of day.
         damages: the parts that cannot be read.
+        path: of the file.
     """
 
     cycles: dict[str, Table] = field(default_factory=dict)
@@ -42,6 +43,7 @@ class Recording:
     facts: dict[str, str] = field(default_factory=dict)
     offset_ns: int = 0
     damages: Damages = field(default_factory=Damages)
+    path: Path = Path()
 
     @property
     def is_complete(self) -> bool:
@@ -52,9 +54,12 @@ class Recording:
         """Return the device called *name*, the only one if *name* is empty.
 
         Raises:
-            RecordingError: there is none of that name, or there are several.
+            RecordingError: there is none, none of that name, or there are several.
         """
         names = sorted(self.cycles)
+        if not names:
+            lost = f"; {self.damages.describe()}" if self.damages else ""
+            raise RecordingError(f"{self.path}: no cycle of a device in it{lost}")
         if name in self.cycles:
             return name
         if name or len(names) != 1:
@@ -152,7 +157,7 @@ class _Cycles:
 
 
 def _load(path: Path, *, partial: bool) -> Recording:
-    recording = Recording()
+    recording = Recording(path=path)
     cycles: dict[str, _Cycles] = {}
     for channel, schema, message in messages(path, recording, partial=True):
         kind = schema.name if schema is not None else ""
@@ -169,7 +174,10 @@ def _load(path: Path, *, partial: bool) -> Recording:
     if recording.damages and not partial:
         raise _not_whole(path, recording)
     if not (recording.facts or (partial and recording.damages and recording.cycles)):
-        raise NotOursError(f"{path}: not a recording of orientd")
+        raise NotOursError(
+            f"{path}: not a recording of orientd; `orientd replay` and `orientd plot` read "
+            "recordings of other programs"
+        )
     return recording
 
 

@@ -14,6 +14,7 @@ from orientd.cli.command import Commander, ConfigFile, DeviceName, check_ending,
 from orientd.cli.output import Output, working
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
+from orientd.one_line import counted
 
 if TYPE_CHECKING:
     from orientd.client import EndlessTurn, MoveHandle, Robot
@@ -141,7 +142,7 @@ def move(
         plan = handle.plan
         motion = f"motion {titled(handle.motion_number, plan.name)}"
         introduction = (
-            f"{motion}: {texts.count(len(request.keyframes), 'keyframe')}, {plan.duration:.3f} s "
+            f"{motion}: {counted(len(request.keyframes), 'keyframe')}, {plan.duration:.3f} s "
             f"with a lead-in of {plan.certificate.lead_in:.3f} s and a lead-out of "
             f"{plan.certificate.lead_out:.3f} s"
         )

@@ -16,6 +16,7 @@ from orientd.cli.command import DeviceName, Endpoint, Partial, check_ending, dev
 from orientd.cli.output import Output
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
+from orientd.one_line import counted
 
 if TYPE_CHECKING:
     from orientd.recorder import LiveRecording
@@ -115,10 +116,11 @@ def tell(session: LiveRecording, file: Path, out: Output) -> None:
     size = file.stat().st_size
     figures = {"cycles": session.cycles, "lost": session.lost, "events": session.events}
     lines = [
-        f"{name}: {cycles} cycles{f', {session.lost[name]} lost' if session.lost[name] else ''}"
+        f"{name}: {counted(cycles, 'cycle')}"
+        f"{f', {session.lost[name]} lost' if session.lost[name] else ''}"
         for name, cycles in session.cycles.items()
     ]
-    lines.append(f"wrote {file}: {session.events} events, {size / 1e6:.2f} MB")
+    lines.append(f"wrote {file}: {counted(session.events, 'event')}, {size / 1e6:.2f} MB")
     out.answer({"recording": file, "bytes": size, **figures}, *lines)
 
 
@@ -152,5 +154,5 @@ def export(
     out.answer(
         {"output": output, "rows": rows, "is_complete": recording.is_complete},
         *cut,
-        f"wrote {output}: {rows} cycles",
+        f"wrote {output}: {counted(rows, 'cycle')}",
     )

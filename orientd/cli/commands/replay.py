@@ -19,6 +19,7 @@ from orientd.cli.command import (
 )
 from orientd.cli.output import Output, working
 from orientd.cli.parameters import Argument, Option
+from orientd.one_line import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -90,11 +91,11 @@ def replay(
     fitted = _figures(found, fit)
     out.say(
         *(f"note: {note}" for note in fitted["notes"]),
-        f"{fitted['topic'] or 'orientation'}: {fitted['samples']} samples in "
+        f"{fitted['topic'] or 'orientation'}: {counted(fitted['samples'], 'sample')} in "
         f"{fitted['seconds']:.2f} s by {fitted['clock']}, noise {fitted['noise_deg']:.3f} deg, "
         f"{fitted['left_out']} left out",
-        f"spline with {fitted['knots']} knots, at most {fitted['error_deg']:.3f} deg from the "
-        "filtered samples",
+        f"spline with {counted(fitted['knots'], 'knot')}, at most {fitted['error_deg']:.3f} deg "
+        "from the filtered samples",
     )
     if dry_run:
         from orientd.daemon import plan_of

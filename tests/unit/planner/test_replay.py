@@ -7,7 +7,7 @@ from reference.aims import end_state
 
 from orientd import planner, rotation
 from orientd.curves import fit_orientations
-from orientd.errors import RequestError
+from orientd.errors import PlanError, RequestError
 from orientd.planner.task import plan_as_recorded, replay_request
 
 PERIOD = 0.002
@@ -44,6 +44,13 @@ def test_a_replay_keeps_the_limits_from_rest_to_rest(fit, limits):
     assert velocity <= limits.velocity * 1.001
     assert acceleration <= limits.acceleration * 1.001
     assert jerk <= limits.jerk * 1.001
+
+
+def test_a_recording_at_rest_is_nothing_to_replay():
+    t = np.arange(0.0, 2.0, 0.02)
+    fit = fit_orientations(t, np.tile(truth(1.0), (len(t), 1)))
+    with pytest.raises(PlanError, match="at rest: its 100 samples have one orientation"):
+        plan_as_recorded(fit, planned_for(planner.DEFAULT_LIMITS))
 
 
 def test_a_replay_within_the_limits_is_as_fast_as_what_was_recorded(fit):

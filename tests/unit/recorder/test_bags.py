@@ -141,9 +141,26 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path, content):
 
 
 def test_a_folder_or_a_file_that_is_not_there_is_refused(tmp_path):
-    for path in (tmp_path, tmp_path / "none.db3"):
-        with pytest.raises(RecordingError, match="not a ROS 2 bag"):
-            read_orientations(path)
+    with pytest.raises(RecordingError, match=r"no metadata\.yaml in this folder; give the folder"):
+        read_orientations(tmp_path)
+    with pytest.raises(RecordingError, match="not a ROS 2 bag"):
+        read_orientations(tmp_path / "none.db3")
+
+
+def test_a_bag_without_its_description_is_told_how_to_get_one(tmp_path):
+    path = write_bag(tmp_path / "bag", rosbag2.StoragePlugin.SQLITE3)
+    (path / "metadata.yaml").unlink()
+    cure = rf"no metadata\.yaml in this folder; `ros2 bag reindex {path}` makes it"
+    with pytest.raises(RecordingError, match=cure):
+        read_orientations(path)
+
+
+def test_a_description_in_another_encoding_is_named(tmp_path):
+    path = write_bag(tmp_path / "bag", rosbag2.StoragePlugin.SQLITE3)
+    file = path / "metadata.yaml"
+    file.write_bytes(file.read_text().encode("utf-16"))
+    with pytest.raises(RecordingError, match=r"metadata\.yaml: not UTF-8: .*; save it as UTF-8"):
+        read_orientations(path)
 
 
 def test_a_bag_may_hold_folders_but_no_pipe(tmp_path):
@@ -163,13 +180,30 @@ def test_a_description_beyond_all_measure_is_refused(tmp_path):
         read_orientations(path, "/pose")
 
 
-def test_a_damaged_message_is_refused_in_one_line(tmp_path):
+def test_damaged_messages_are_refused_with_their_place_and_left_out_on_request(tmp_path):
     path = humble(tmp_path / "bag_0.db3")
     database = sqlite3.connect(path)
-    database.execute("UPDATE messages SET data = substr(data, 1, 30) WHERE id > 5")
+    database.execute("UPDATE messages SET data = substr(data, 1, 30) WHERE id IN (11, 25)")
     database.commit()
     database.close()
-    with pytest.raises(RecordingError, match="not a ROS 2 bag that can be read"):
+    place = r"a message of /q at 0\.000 s is damaged: .*; `--partial` \(in Python `partial=True`\)"
+    with pytest.raises(RecordingError, match=place) as refused:
+        read_orientations(path)
+    assert "\n" not in str(refused.value)
+    found = read_orientations(path, partial=True)
+    np.testing.assert_allclose(found.q, np.delete(Q, [5, 12], axis=0), atol=1e-9)
+    assert found.notes == ("2 messages cannot be read",)
+
+
+def test_a_bag_of_other_topics_is_named_with_their_types(tmp_path):
+    path = humble(tmp_path / "bag_0.db3")
+    database = sqlite3.connect(path)
+    database.execute("DELETE FROM topics WHERE id = 1")
+    database.commit()
+    database.close()
+    with pytest.raises(
+        RecordingError, match=r"in its topics, /own \(lab_msgs/msg/Head\); expected"
+    ):
         read_orientations(path)
 
 

@@ -397,7 +397,7 @@ def test_a_quaternion_that_is_buried_or_lacks_a_number_is_none(tmp_path):
         {"q": {"w": 1.0, "x": 0.0, "y": 0.0}},
         {"q": {"w": "1", "x": 0.0, "y": 0.0, "z": 0.0}},
     ):
-        with pytest.raises(RecordingError, match="no orientations in it"):
+        with pytest.raises(RecordingError, match="no orientations in its topics, /head"):
             read_orientations(json_file(tmp_path / "a.mcap", [message] * 2))
 
 
@@ -526,7 +526,54 @@ def test_a_message_that_cannot_be_decoded_is_damage(tmp_path):
         writer = Writer(stream)
         writer.start()
         channel = writer.register_channel("/head", "json", 0)
-        writer.add_message(channel, log_time=1, data=b"{", publish_time=1)
+        for k in range(20):
+            content = b"{" if k == 7 else json.dumps({"q": named(Q[k])}).encode()
+            writer.add_message(channel, log_time=k, data=content, publish_time=k)
         writer.finish()
-    with pytest.raises(RecordingError, match=r"a\.mcap: /head is damaged: Expecting"):
+    with pytest.raises(RecordingError, match=r"a\.mcap: /head is damaged: Expecting.*`--partial`"):
         read_orientations(path)
+    found = read_orientations(path, partial=True)
+    np.testing.assert_allclose(found.q, np.delete(Q, 7, axis=0), atol=1e-9)
+    assert found.notes == ("1 message cannot be read",)
+
+
+def test_topics_without_orientations_are_named_with_their_types(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        for topic, kind in (("/log", "foxglove.Log"), ("/load", "lab.Load")):
+            schema = writer.register_schema(kind, "jsonschema", b"{}")
+            channel = writer.register_channel(topic, "json", schema)
+            writer.add_message(channel, log_time=1, data=b"{}", publish_time=1)
+        writer.finish()
+    assert_refused(
+        inside("replay", path, "--dry-run"),
+        "no orientations in its topics, /log (foxglove.Log), /load (lab.Load); expected a field "
+        "orientation, rotation, quaternion or q with w, x, y, z",
+    )
+
+
+@pytest.mark.parametrize("name", ["turn.png", "report.json", "a.mcap"])
+def test_a_file_of_another_kind_is_told_which_kinds_are_read(tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" if name == "turn.png" else b"{}")
+    assert_refused(
+        inside("replay", path, "--dry-run"),
+        f"{path}: not an MCAP file; expected a .mcap, .csv, .tum or .txt file, or a ROS 2 bag (its "
+        "folder or a .db3 file)",
+    )
+
+
+def test_a_recording_of_others_cannot_be_exported(tmp_path):
+    path = json_file(tmp_path / "a.mcap", [{"stamp": 1.0, "q": named(Q[0])}])
+    done = inside("export", path, "-o", tmp_path / "a.csv")
+    assert_refused(done, "not a recording of orientd; `orientd replay` and `orientd plot` read")
+
+
+def test_a_recording_at_rest_is_refused_as_such(tmp_path):
+    messages = [{"stamp": t, "q": named(Q[3])} for t in TIMES.tolist()]
+    path = json_file(tmp_path / "a.mcap", messages)
+    for pace in ("recorded", "minimum"):
+        done = inside("replay", path, "--dry-run", "--pace", pace)
+        assert_refused(done, "the recording is at rest: its 20 samples have one orientation; there")
