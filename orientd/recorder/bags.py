@@ -72,7 +72,7 @@ def messages(
                     damages.lost += 1
                 else:
                     yield connection.topic, time, message
-    except RecordingError:
+    except (RecordingError, OSError):
         raise
     # Four libraries raise their own exceptions for damage.
     except Exception as error:

@@ -198,7 +198,7 @@ def records(path: Path, damages: Damages) -> Iterator[McapRecord]:
         if magic != MCAP0_MAGIC:
             if magic and MCAP0_MAGIC.startswith(magic):
                 raise RecordingError(f"{path}: an MCAP file cut off after {counted(size, 'byte')}")
-            raise NotMcapError(f"{path}: not an MCAP file")
+            raise NotMcapError(f"{path}: not an MCAP file; expected a recording (.mcap)")
         summary = _summary(stream, size)
         # The end repeats the schemas and channels, which may be in a lost chunk.
         yield from (one for one in summary if isinstance(one, Schema | Channel))

@@ -136,7 +136,7 @@ def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Damages]:
         recording = load_recording(path, partial=partial)
         tables = _from_ours(recording)
     except NotMcapError as error:
-        raise RecordingError(f"{error}; expected {_KINDS}") from error
+        raise RecordingError(f"{path}: not an MCAP file; expected {_KINDS}") from error
     except NotOursError:
         tables = {}
     return (tables, recording.damages) if tables else _from_others(path, partial=partial)

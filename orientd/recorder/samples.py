@@ -29,6 +29,9 @@ _RESTART = 20.0
 _MIXED = 2
 """Fewest samples from before such a step that the later ones would mix with."""
 
+_SLOW_NS = 10**9
+"""Rows of a table are rarely further apart; their times may be in another unit."""
+
 _DAY_NS = 86_400 * 10**9
 """No pause of a recording is longer."""
 
@@ -144,6 +147,11 @@ def check_order(path: Path, samples: Samples) -> list[str]:
                 f"{len(times) - k - 1} of {len(times)} samples come after that, among earlier "
                 "ones; cut the recording there, or put its times right"
             )
+    if samples.lines is not None and usual > _SLOW_NS:
+        notes.append(
+            f"rows are {1e-9 * usual:.4g} s apart; if the times are not in seconds, name their "
+            "unit, as in 'time [ms]'"
+        )
     if len(back):
         first = int(places[back[0] + 1])
         largest = 1e-9 * float(-steps.min())

@@ -12,7 +12,7 @@ import csv
 import math
 import re
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -21,7 +21,7 @@ from typing import TextIO
 import numpy as np
 
 from orientd.bounded_file import MEBIBYTE, check_regular
-from orientd.one_line import one_line
+from orientd.one_line import counted, one_line
 from orientd.recorder.samples import NO_TIME, Samples
 from orientd.recorder.writer import RecordingError
 
@@ -34,11 +34,13 @@ _UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 _TIMES = {
     # Of `rostopic echo -p`, which also has the time of arrival.
     "field.header.stamp": "ns",
-    "time_s": "s", "time": "s", "t": "s", "timestamp": "s", "time_ns": "ns", "stamp": "s",
+    "time_s": "s", "time": "s", "t": "s", "timestamp": "s", "stamp": "s",
+    "time_ms": "ms", "time_us": "us", "time_ns": "ns",
 }  # fmt: skip
 """Names of columns of times, in any case, the better clock first, and their usual units."""
-_HEADING = re.compile(r"[#%]?\s*([^\[\]]*?)\s*(?:\[([^\]]*)\])?\s*")
+_HEADING = re.compile(r"[#%]?\s*([^\[\]()]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*")
 """A name and, in brackets, its unit, as EuRoC has them."""
+_BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
 _COMMENT = ("#", "%")
 _DELIMITERS = ("\t", ";", ",")
 """Between columns, the first one that the names have; a comma may also be in a number."""
@@ -161,7 +163,7 @@ def _samples(table: _Table) -> dict[str, Samples]:
             np.stack([columns[name] for name in q], axis=-1),
             f"the times in {own or clock!r}",
             np.array(numbers, dtype=np.int64),
-            min((wrong[name] for name in (own or clock, *q) if name in wrong), default=(0, ""))[1],
+            _first(wrong, (own or clock, *q)),
         )
         for topic, q, own in found
     }
@@ -183,10 +185,14 @@ def _encoding(path: Path) -> str:
 def _csv(path: Path, lines: _Lines) -> _Table:
     """Return a table with names in its first line, or in a comment before it."""
     heading = _heading(lines)
+    if _BINARY.search(heading):
+        raise RecordingError(f"{path}: no text; expected columns such as {_EXPECTED}")
     if not heading:
         raise RecordingError(f"{path}: empty; expected columns such as {_EXPECTED}")
     delimiter = next((one for one in _DELIMITERS if one in heading), "")
     names = next(_split(iter([heading]), delimiter))
+    while names and not names[-1].strip():
+        names.pop()
     if not any(math.isnan(_number(word.replace(",", "."))) for word in names):
         raise RecordingError(
             f"{path}: line {lines.number} has numbers, expected the names of the columns; put a "
@@ -312,11 +318,18 @@ def _words(table: _Table, row: list[str]) -> list[str]:
     return [word.replace(",", ".") for word in row] if table.has_commas else row
 
 
+def _first(wrong: Mapping[str, tuple[int, str]], names: Iterable[str]) -> str:
+    """Return the cause in the first of the lines, of its first column."""
+    found = (wrong[name] for name in names if name in wrong)
+    return min(found, key=lambda one: one[0], default=(0, ""))[1]
+
+
 def _cause(words: Sequence[str], row: Sequence[str], table: _Table, place: int) -> str:
     """Return why a row has no number at *place*."""
     if not words:
-        return f"{len(row)} fields under {len(table.names)} columns"
-    return f"{one_line(row[place], _SHOWN)!r} under {table.names[place]!r}"
+        return f"{counted(len(row), 'field')} under {len(table.names)} columns"
+    word = one_line(row[place], _SHOWN)
+    return f"{word!r} under {table.names[place].strip()!r}, expected a number"
 
 
 def _nanoseconds(word: str, power: int) -> int:

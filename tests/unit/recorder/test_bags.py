@@ -143,7 +143,7 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path, content):
 def test_a_folder_or_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(RecordingError, match=r"no metadata\.yaml in this folder; give the folder"):
         read_orientations(tmp_path)
-    with pytest.raises(RecordingError, match="not a ROS 2 bag"):
+    with pytest.raises(RecordingError, match=r"cannot read .*none\.db3: No such file"):
         read_orientations(tmp_path / "none.db3")
 
 

@@ -177,7 +177,7 @@ def test_without_a_topic_the_columns_without_a_name_are_meant(tmp_path):
         (
             "qw,qx,qy,qz\n1,0,0,0\n",
             "no column of times in the columns qw, qx, qy, qz; expected time_s,qw,qx,qy,qz, or "
-            "time_s, time, t, timestamp, time_ns, stamp for the times",
+            "time_s, time, t, timestamp, stamp, time_ms, time_us, time_ns for the times",
         ),
         (
             "time;roll;pitch;yaw\n0;1;2;3\n",

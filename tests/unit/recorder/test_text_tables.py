@@ -211,7 +211,7 @@ def test_an_orientation_may_have_times_of_its_own(tmp_path):
     assert read_orientations(tmp_path / "a.csv").times.tolist() == list(range(11))
     found = read_orientations(tmp_path / "a.csv", "head")
     np.testing.assert_array_equal(found.times, [0.0, 2.5, np.nan, *range(5, 13)])
-    assert found.notes[0].endswith("(first in line 4: '' under 'head_time_s')")
+    assert found.notes[0].endswith("(first in line 4: '' under 'head_time_s', expected a number)")
 
 
 @pytest.mark.parametrize("row", ["1,1,0,0," + "0" * 2**20, "1,1,0,0," + '"\n",' * 2**19])
@@ -238,7 +238,7 @@ def test_a_word_that_is_no_number_leaves_its_sample_out(tmp_path, number):
     found = read_orientations(tmp_path / "a.csv")
     np.testing.assert_allclose(found.times, [0.0, 1.0, np.nan, *range(3, 20)], atol=1e-9)
     assert np.flatnonzero(np.isnan(found.q).any(axis=1)).tolist() == [1]
-    words = f"(first in line 3: {number!r} under 'qx')"
+    words = f"(first in line 3: {number!r} under 'qx', expected a number)"
     assert f"left out: 2 of 20 samples without a time or number {words}" in found.notes
 
 
@@ -293,7 +293,7 @@ def test_a_table_that_is_mostly_junk_is_refused_with_its_first_line_and_word(tmp
     assert_refused(
         orientd("replay", path, "--dry-run"),
         "more than a tenth of the samples is unusable: 40 of 300 samples without a time or number",
-        "(first in line 6: 'junk' under 'timestamp')",
+        "(first in line 6: 'junk' under 'timestamp', expected a number)",
     )
 
 
@@ -322,6 +322,8 @@ def table(path, *, delimiter=",", point=".", heading="time_s,qw,qx,qy,qz", befor
         {"before": "# ", "delimiter": " "},
         {"before": "% ", "delimiter": ";", "point": ","},
         {"heading": "Time,qw,qx,qy,qz"},
+        {"heading": "Time (s),qw,qx,qy,qz"},
+        {"heading": "time,qw,qx,qy,qz,"},
         {"heading": '"time_s","qw","qx","qy","qz"'},
         {"code": "utf-16"},
         {"code": "utf-16-le"},
@@ -392,3 +394,27 @@ def test_comments_between_the_rows_are_no_rows(tmp_path):
     lines[5:5] = ["# the second take", "% of two"]
     path.write_text("\n".join(lines))
     check(read_orientations(path))
+
+
+def test_the_unit_of_times_may_be_in_the_name(tmp_path):
+    for name, per_second in (("time_ms", 1e3), ("time_us", 1e6), ("t (ms)", 1e3), ("t [us]", 1e6)):
+        rows = [f"{t * per_second:.3f},1,0,0,0" for t in (0.0, 0.5, 1.25)]
+        (tmp_path / "a.csv").write_text("\n".join([f"{name},qw,qx,qy,qz", *rows]))
+        np.testing.assert_allclose(read_orientations(tmp_path / "a.csv").times, [0.0, 0.5, 1.25])
+
+
+def test_rows_that_are_seconds_apart_have_a_note_on_the_unit(tmp_path):
+    rows = [f"{10 * k},1,0,0,0" for k in range(20)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,qw,qx,qy,qz", *rows]))
+    (note,) = read_orientations(tmp_path / "a.csv").notes
+    assert note.startswith("rows are 10 s apart; if the times are not in seconds, name their unit")
+    (tmp_path / "a.csv").write_text("\n".join(["time [ms],qw,qx,qy,qz", *rows]))
+    assert read_orientations(tmp_path / "a.csv").notes == ()
+
+
+def test_a_file_that_is_no_text_is_named_as_such(tmp_path):
+    (tmp_path / "a.csv").write_bytes(b"PK\x03\x04\x14\0\0\0xl/worksheets/sheet1.xml")
+    with pytest.raises(RecordingError, match=r"a\.csv: no text; expected columns such as time_s"):
+        read_orientations(tmp_path / "a.csv")
+    done = orientd("export", tmp_path / "a.csv", "-o", tmp_path / "b.csv")
+    assert_refused(done, "a.csv: not an MCAP file; expected a recording (.mcap)")
