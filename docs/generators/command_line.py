@@ -12,8 +12,8 @@ from orientd.cli.main import app
 
 _EXIT = """\
 Every command has `--help`. The exit status is 0 after success, 1 after a failure or a refusal, and
-2 after a usage error. An error is one line on standard error. With `--json`, results and errors are
-JSON objects.
+2 after a usage error. Ctrl-C before a motion has begun gives 130, and SIGTERM 143. An error is one
+line on standard error. With `--json`, results and errors are JSON objects.
 """
 
 

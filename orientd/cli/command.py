@@ -113,9 +113,16 @@ class Endpoint:
     lease = False
 
     def way(self) -> Way:
-        """Return the endpoint of the daemon."""
+        """Return the endpoint of the daemon.
+
+        Raises:
+            click.UsageError: certificates are given, but no address.
+        """
         from orientd.client import Way
 
+        has_address = self.address or (self.socket is None and os.environ.get("ORIENTD_ADDRESS"))
+        if (self.cert or self.key or self.ca) and not has_address:
+            raise click.UsageError("--cert, --key and --ca need --address")
         return Way.find(self.socket, self.address, self.cert, self.key, self.ca)
 
     def connect(self, command: str) -> Robot:

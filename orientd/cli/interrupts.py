@@ -24,10 +24,11 @@ class _Interrupt:
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Interrupt the main thread, unless it was interrupted just now."""
+        del frame
         now = time.monotonic()
         if now - self._last > _APART:
             self._last = now
-            signal.default_int_handler(number, frame)
+            raise KeyboardInterrupt(number)
 
 
 def interrupt_at(numbers: Sequence[int]) -> None:

@@ -1,6 +1,7 @@
 """The command `orientd`: its commands, and one line for each error.
 
-Exit status 0 means done, 1 refused or failed, 2 a usage error.
+Exit status 0 means done, 1 refused or failed, 2 a usage error, and 128 plus its number a signal
+that ended the command: 130 for Ctrl-C.  A motion that a signal stops has failed.
 """
 
 from __future__ import annotations
@@ -55,6 +56,18 @@ TRACEBACK = "ORIENTD_TRACEBACK"
 """Environment variable that shows the traceback of a defect."""
 
 
+class SignalError(OrientdError):
+    """A signal has ended the command.
+
+    Attributes:
+        number: of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__("interrupted")
+        self.number = number
+
+
 class Commands(Group):
     """The group of all commands.
 
@@ -97,7 +110,7 @@ class Commands(Group):
                 ignore(ours)
         except KeyboardInterrupt as error:
             ignore(ours)
-            raise OrientdError("interrupted") from error
+            raise SignalError(error.args[0] if error.args else signal.SIGINT) from error
 
     def main(  # type: ignore[override] # of all that Click passes only this matters here
         self,
@@ -117,6 +130,8 @@ class Commands(Group):
             if TRACEBACK in os.environ and _is_ours(error):
                 raise
             status = 2 if isinstance(error, click.ClickException) else 1
+            if isinstance(error, SignalError):
+                status = 128 + error.number
             _tell(error, as_json="--json" in given)
         sys.exit(status)
 

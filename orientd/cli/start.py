@@ -6,8 +6,6 @@ import _signal as signal  # type: ignore[import-not-found] # no enumerations, a 
 import os
 import sys
 
-from orientd import first_stop
-
 TYPE_CHECKING = False  # of typing, which takes as long to load as a stop takes to go out
 if TYPE_CHECKING:
     from types import FrameType
@@ -21,6 +19,8 @@ def main() -> NoReturn:
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, end_at_once)
+    from orientd import first_stop  # after the handler: loading takes time
+
     asked = first_stop.plain(sys.argv[1:])
     if asked is not None:
         answers = first_stop.first(asked)
@@ -50,6 +50,6 @@ def _open_standard_streams() -> None:
 
 def end_at_once(number: int, frame: FrameType | None) -> None:
     """End at a signal before the command runs: an exception would look like a library's."""
-    del number, frame
+    del frame
     os.write(2, b"orientd: interrupted\n")
-    os._exit(1)
+    os._exit(128 + number)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import socket as sockets
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -71,7 +73,8 @@ def certificate_files(
     """Return certificate, key and CA of a client; ``None`` means the environment's.
 
     Raises:
-        DaemonError: one that *address* needs is missing.
+        DaemonError: one that *address* needs is missing, cannot be read, or is not what it should
+            be.
     """
     files = {
         "ORIENTD_CERT": certificate or os.environ.get("ORIENTD_CERT"),
@@ -84,7 +87,49 @@ def certificate_files(
             f"{address} needs a certificate, its key and that of the CA: "
             f"--cert, --key and --ca, or the environment's {', '.join(missing)}"
         )
-    return [Path(path).expanduser() for path in files.values() if path]
+    paths = [Path(path).expanduser() for path in files.values() if path]
+    # A pipe can be read only once.
+    if all(path.is_file() or not path.exists() for path in paths):
+        _check_certificates(*paths)
+    return paths
+
+
+def _check_certificates(certificate: Path, key: Path, ca: Path) -> None:
+    """Check the files of a client, since gRPC does not say what is wrong with them.
+
+    Raises:
+        DaemonError: one cannot be read, or is not what it should be.
+    """
+    import ssl  # connections to a Unix socket do without
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    for path in (certificate, key, ca):
+        _read(path)
+    for path in (certificate, ca):
+        try:
+            context.load_verify_locations(path)
+        except ssl.SSLError as error:
+            raise DaemonError(f"{path}: no certificate in it, expected PEM") from error
+    try:
+        # Without a password OpenSSL would ask for one.
+        context.load_cert_chain(certificate, key, password="")
+    except ssl.SSLError as error:
+        if error.reason == "KEY_VALUES_MISMATCH":
+            problem = f"the key {key} does not belong to the certificate {certificate}"
+        else:
+            problem = f"{key}: no private key in it, expected PEM without a password"
+        raise DaemonError(problem) from error
+    mode = stat.S_IMODE(key.stat().st_mode)
+    if os.name == "posix" and mode & stat.S_IROTH:
+        problem = "every user can read the private key %s (mode %o): chmod 600 it"
+        logging.getLogger(__name__).warning(problem, key, mode)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_bounded(path, MEBIBYTE)
+    except OSError as error:
+        raise DaemonError(f"cannot read {path}: {error.strerror}") from error
 
 
 @dataclass(frozen=True)
@@ -157,11 +202,9 @@ class Way:
             name = target(self.socket)
             check_socket(self.socket)
             return grpc.insecure_channel(name, options=_CLIENT_OPTIONS)
-        contents = []
-        for path in (self.ca, self.key, self.certificate):
-            try:
-                contents.append(read_bounded(path, MEBIBYTE) if path is not None else None)
-            except OSError as error:
-                raise DaemonError(f"cannot read {path}: {error.strerror}") from error
+        contents = (
+            _read(path) if path is not None else None
+            for path in (self.ca, self.key, self.certificate)
+        )
         credentials = grpc.ssl_channel_credentials(*contents)
         return grpc.secure_channel(self.address, credentials, options=_CLIENT_OPTIONS)

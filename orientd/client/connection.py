@@ -102,26 +102,33 @@ class Connection:
                 raise
             raise DaemonError(f"the connection to {self.way} is closed") from error
 
-    def explain(self, error: grpc.RpcError) -> OrientdError:
-        """Return the exception for a call that failed."""
-        found = from_call(error, where=str(self.way))
-        if isinstance(found, UnreachableError) and not self.way.address:
+    def explain(self, error: grpc.RpcError, *, lost: str = "") -> OrientdError:
+        """Return the exception for a call that failed.
+
+        Args:
+            error: gRPC's exception.
+            lost: message of a call that the daemon had begun to answer, if the daemon is lost.
+        """
+        found = from_call(error, self.way)
+        if not isinstance(found, UnreachableError):
+            return found
+        if not self.way.address:
             refused = refusal(self.way.socket)
             if refused:
                 return AccessError(f"the daemon at {self.way}: {refused}")
-        return found
+        return DaemonError(lost) if lost else found
 
 
 _HUNG_UP = "Socket closed", "Connection reset by peer"
 """gRPC's message if the daemon closes the connection right after the handshake."""
 
 
-def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
+def from_call(error: grpc.RpcError, where: Way) -> OrientdError:
     """Return the exception for a call that failed.
 
     Args:
         error: gRPC's exception.
-        where: the socket, for the message if no daemon answers.
+        where: endpoint of the daemon, for the message if none answers.
     """
     if not isinstance(error, grpc.Call):
         return DaemonError(f"the call to the daemon at {where} failed: {error}")
@@ -132,8 +139,8 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
             return from_status(status_pb2.Status.FromString(details))
     code, text = error.code(), " ".join((error.details() or "").split())
     if code is grpc.StatusCode.UNAVAILABLE:
-        if "/" not in where:
-            return UnreachableError(_tls_problem(where, text))
+        if where.address:
+            return UnreachableError(_tls_problem(where.address, text))
         return UnreachableError(f"no daemon answers at {where}; start one with `orientd run`")
     if code is grpc.StatusCode.DEADLINE_EXCEEDED:
         return DaemonError(f"the daemon at {where} did not answer in time")
@@ -149,6 +156,12 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
 def _tls_problem(where: str, text: str) -> str:
     """Return why no call reaches *where*, from gRPC's message."""
     reason = text.rpartition("last error: ")[2]
+    if "Hostname Verification Check failed" in reason:
+        host = where.rpartition(":")[0]
+        return (
+            f"the certificate of the daemon at {where} is not for {host!r}; use a host that it "
+            "names, or sign one for this host (subjectAltName)"
+        )
     _, is_refused, verdict = reason.partition("CERTIFICATE_VERIFY_FAILED: ")
     if is_refused:
         return (

@@ -37,7 +37,7 @@ class MoveHandle:
         self,
         stream: Stream,
         *,
-        explain: Callable[[grpc.RpcError], OrientdError],
+        explain: Callable[..., OrientdError],
         stop: Callable[[int], object],
         armed_by: float | None = None,
     ) -> None:
@@ -45,7 +45,7 @@ class MoveHandle:
 
         Args:
             stream: the call, whose messages are read here.
-            explain: converts the exception of a failed call.
+            explain: converts the exception of a failed call; see :meth:`.Connection.explain`.
             stop: ends the motion with a number, on its path if it runs.
             armed_by: time at which to cancel the call unless the motion has begun or is armed, s,
                 by :func:`time.monotonic`; ``None`` for never.
@@ -149,7 +149,10 @@ class MoveHandle:
             for message in self._stream:
                 self._take(message)
         except grpc.RpcError as error:
-            self._end(self._explain(error))
+            lost = (
+                f"lost the daemon during motion {self.motion_number}; the device brakes on its path"
+            )
+            self._end(self._explain(error, lost=lost))
         else:
             self._end(DaemonError("the daemon did not say how the motion ended"))
 

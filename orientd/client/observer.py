@@ -122,10 +122,13 @@ class Observer:
                 return
             stream = self._connection.call(method, request)
             self._streams.append(stream)
+        lost = ""
         try:
-            yield from stream
+            for answer in stream:
+                lost = f"lost the daemon at {self._connection.way}"
+                yield answer
         except grpc.RpcError as error:
             if not self._is_closed:
-                raise self._connection.explain(error) from error
+                raise self._connection.explain(error, lost=lost) from error
         finally:
             stream.cancel()

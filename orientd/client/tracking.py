@@ -228,7 +228,8 @@ class Tracking(Pointing):
                 self._report = message
                 self._anchor.note(message)
         except grpc.RpcError as error:
-            self._error = self._connection.explain(error)
+            lost = "lost the daemon; the device comes to rest"
+            self._error = self._connection.explain(error, lost=lost)
         finally:
             self._outgoing.put(None)
             self._ended.set()

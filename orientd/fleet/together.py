@@ -21,10 +21,10 @@ from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.fleet.clocks import Offset
 from orientd.fleet.plan_file import START_IN, FleetMotion
 from orientd.protocol import GOOD_OUTCOMES
+from orientd.protocol import control_pb2 as pb
 
 if TYPE_CHECKING:
     from orientd.fleet.client import Fleet
-    from orientd.protocol import control_pb2 as pb
 
 LEAST_MARGIN_NS = 50_000_000
 """Time before the start in which motions are only withdrawn, not armed any more."""
@@ -50,7 +50,7 @@ class Ended:
         motion: as requested.
         plan: of it.
         summary: how it ended; ``None`` if its daemon was lost.
-        problem: of its daemon; empty if none.
+        problem: of its daemon, or the motion because of which it was stopped; empty if none.
     """
 
     motion: FleetMotion
@@ -230,18 +230,20 @@ def _wait(
     """Wait until all motions have ended; once one ends otherwise than asked, stop the others."""
     futures = {pool.submit(handle.wait): number for number, handle in enumerate(handles)}
     ended: dict[int, Ended] = {}
-    is_stopped = False
+    first_bad: FleetMotion | None = None
     for future in as_completed(futures):
         number = futures[future]
         motion, plan = ordered[number], handles[number].plan
         try:
             summary = future.result()
-            ended[number] = Ended(motion, plan, summary)
             is_good = summary.outcome in GOOD_OUTCOMES
+            is_stopped = summary.outcome == pb.OUTCOME_STOPPED and first_bad is not None
+            problem = f"stopped because of {first_bad}" if is_stopped else ""
+            ended[number] = Ended(motion, plan, summary, problem)
         except OrientdError as error:
             ended[number], is_good = Ended(motion, plan, None, str(error)), False
-        if not is_good and not is_stopped:
-            is_stopped = True
+        if not is_good and first_bad is None:
+            first_bad = motion
             for handle in handles:
                 pool.submit(handle.cancel)
     return [ended[number] for number in range(len(handles))]

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 from orientd.client import Configuration, Robot
-from orientd.errors import UnknownNameError
+from orientd.errors import DaemonError, UnknownNameError
 from orientd.recorder.columns import from_records
 from orientd.recorder.writer import RecordingWriter
 
@@ -185,4 +185,7 @@ class RecordingSession(LiveRecording):
         """
         configuration = self._recorder.observer.configuration()
         with self._begin_file(configuration.offset_ns) as writer:
-            self._recorder.run(writer, configuration, self)
+            try:
+                self._recorder.run(writer, configuration, self)
+            except DaemonError as error:
+                raise DaemonError(f"{error}; {self._path} is whole up to there") from error

@@ -11,7 +11,7 @@ import urllib.request
 
 import grpc
 import pytest
-from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, as_user
+from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, Cell, as_user
 from authority import OPENSSL
 from browser import view_of
 from command_line import assert_refused, begin, environment
@@ -207,6 +207,27 @@ def test_a_name_that_there_is_not_and_no_daemon_are_told_apart(cell):
         orientd.connect(address=f"127.1:{cell.port}", **cell.files("pendant"))
     with pytest.raises(DaemonError, match=r"no daemon listens at 127.0.0.1:.*refused"):
         orientd.connect(address=f"127.0.0.1:{free_port()}", **cell.files("pendant"))
+
+
+def test_a_host_that_the_certificate_of_the_daemon_does_not_name_is_told_so(cell):
+    address = f"0.0.0.0:{cell.port}"  # this machine by another name
+    with pytest.raises(DaemonError) as caught:
+        orientd.connect(address=address, **cell.files("pendant"))
+    assert str(caught.value).startswith(
+        f"the certificate of the daemon at {address} is not for '0.0.0.0'; "
+    )
+
+
+def test_a_daemon_that_dies_is_no_refusal_of_the_certificate(tmp_path):
+    cell = Cell(tmp_path)
+    with cell.daemon, cell.robot("watcher") as robot:
+        records = robot.observe().records()
+        next(records)
+        cell.daemon.process.kill()
+        cell.daemon.process.wait()
+        with pytest.raises(DaemonError) as caught:
+            list(records)
+        assert str(caught.value) == f"lost the daemon at {cell.address}"
 
 
 @needs_root

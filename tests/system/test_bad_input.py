@@ -323,7 +323,7 @@ def test_ctrl_c_while_modules_are_loaded_is_one_line():
         timeout=60,
         check=False,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", "orientd: interrupted\n")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "orientd: interrupted\n")
 
 
 INTERRUPTED_BEFORE_THE_COMMAND = """
@@ -366,18 +366,18 @@ sys.meta_path.insert(0, Interrupt())
 def test_ctrl_c_while_a_class_is_made_is_no_death_by_a_signal(tmp_path):
     (tmp_path / "sitecustomize.py").write_text(INTERRUPTED_WITHIN_CODE_OF_A_STRING)
     done = orientd("status", env=environment(PYTHONPATH=str(tmp_path)))
-    assert_refused(done, "interrupted")
+    assert_refused(done, "interrupted", status=130)
 
 
 @pytest.mark.parametrize(
-    ("program", "reason"),
+    ("program", "reason", "status"),
     [
-        (INTERRUPTED_BEFORE_THE_COMMAND, "interrupted"),
-        (INTERRUPTED_BEHIND_THE_COMMAND, "no daemon answers"),
+        (INTERRUPTED_BEFORE_THE_COMMAND, "interrupted", 130),
+        (INTERRUPTED_BEHIND_THE_COMMAND, "no daemon answers", 1),
     ],
     ids=["before", "behind"],
 )
-def test_ctrl_c_around_the_command_is_one_line(tmp_path, program, reason):
+def test_ctrl_c_around_the_command_is_one_line(tmp_path, program, reason, status):
     done = subprocess.run(
         [sys.executable, "-c", program, "status", "--socket", str(tmp_path / "none.sock")],
         capture_output=True,
@@ -385,7 +385,7 @@ def test_ctrl_c_around_the_command_is_one_line(tmp_path, program, reason):
         timeout=60,
         check=False,
     )
-    assert_refused(done, reason)
+    assert_refused(done, reason, status=status)
 
 
 def is_moving(device):

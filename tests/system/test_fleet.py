@@ -245,7 +245,9 @@ def test_a_daemon_that_is_killed_on_the_way_stops_the_others(cell, fleet):
     together = move_together(fleet, motions, start_in=1.0, tell=tell)
     stopped, lost = together.ended
     assert stopped.summary.outcome == pb.OUTCOME_STOPPED
+    assert stopped.problem == "stopped because of arm-2"
     assert lost.summary is None
+    assert lost.problem.startswith("lost the daemon during motion ")
     cell.start("arm-2")
     cell.await_ready("arm-2")
     until(lambda: are_at_rest(cell), "all are at rest")
@@ -275,7 +277,7 @@ def test_ctrl_c_stops_all_on_their_paths(cell, tmp_path):
     until(lambda: not are_at_rest(cell), "they move")
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20.0)
-    assert (process.returncode, errors) == (1, "orientd: interrupted\n")
+    assert (process.returncode, errors) == (130, "orientd: interrupted\n")
     until(lambda: are_at_rest(cell), "all are at rest")
 
 

@@ -4,10 +4,12 @@ import json
 import os
 import random
 import signal
+import subprocess
 import time
 
 import numpy as np
 import pytest
+from command_line import begin
 from harness import (
     DEVICE,
     DaemonProcess,
@@ -20,6 +22,7 @@ from harness import (
 from orientd import planner, rotation
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_request
+from orientd.recorder import load_recording
 
 RANDOM = random.Random(7)
 MOMENTS = [
@@ -98,6 +101,50 @@ def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, mo
 
         with DaemonProcess(tmp_path) as successor:  # the same socket, at once
             assert successor.device().state == pb.STATE_HOLDING
+
+
+LONG = {
+    "keyframes": [{"rotation_vector": [0, 0, 0.0]}, {"rotation_vector": [0, 0, 3.0]}],
+    "limits": {"velocity": 0.05},
+}
+LOST_MOTION = "lost the daemon during motion 1; the device brakes on its path"
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (("move", "{0}/motion.json"), LOST_MOTION),
+        (("turn", "--rate", "0.2"), LOST_MOTION),
+        (("track",), "lost the daemon; the device comes to rest"),
+        (
+            ("record", "{0}/run.mcap"),
+            "lost the daemon at {0}/control.sock; {0}/run.mcap is whole up to there",
+        ),
+    ],
+    ids=lambda one: one[0] if isinstance(one, tuple) else "",
+)
+def test_a_command_says_what_it_has_lost_when_its_daemon_is_killed(tmp_path, command, message):
+    (tmp_path / "motion.json").write_text(json.dumps(LONG))
+    run = tmp_path / "run.mcap"
+    with DaemonProcess(tmp_path) as daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        arguments = [part.format(tmp_path) for part in command]
+        process = begin(*arguments, "--socket", daemon.socket, stdin=subprocess.PIPE)
+        if command[0] == "track":
+            # Afterwards nothing comes through standard input, and it stays open.
+            process.stdin.write('{"rotation_vector": [0, 0, 0.1]}\n')
+            process.stdin.flush()
+            until(lambda: daemon.device().cycle.q.z > 0.0, "the first target is followed")
+        else:
+            assert process.stdout.readline()
+        if command[0] == "record":
+            until(lambda: run.exists() and run.stat().st_size > 20_000, "cycles in the file")
+        daemon.process.kill()
+        assert process.wait(30.0) == 1
+        _, errors = process.communicate()
+        assert errors == f"orientd: {message.format(tmp_path)}\n"
+    if command[0] == "record":
+        assert load_recording(run).is_complete
 
 
 def _shifted(motion, begin):

@@ -223,7 +223,7 @@ def tell_together(together: Together, out: Output) -> None:
         for one in together.ended
     ]  # fmt: skip
     lines = [
-        f"{one.motion}: {one.problem if one.summary is None else texts.ending(one.summary)}"
+        f"{one.motion}: {one.problem or (one.summary and texts.ending(one.summary))}"
         for one in together.ended
     ]
     if together.skew is not None and together.skew_bound is not None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import queue
 import sys
-from collections.abc import Callable, Iterable, Mapping
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from inspect import signature
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 
 _NAMED = 10
 """Most bad lines that are reported."""
+
+_LOOK = 0.1
+"""Interval between two checks whether tracking has ended, while no line arrives, s."""
 
 
 def track(
@@ -52,7 +57,7 @@ def track(
     lines = _Lines(time_to_live)
     with to.connect("track") as robot:
         with robot.track(device=to.device) as tracking:
-            lines.feed(sys.stdin.buffer, tracking)
+            lines.feed(_arriving(tracking), tracking)
         report = tracking.report
     report.refused += lines.bad
     report.refusal = report.refusal or lines.last
@@ -66,6 +71,33 @@ def track(
     )
     if report.refused and not report.targets:
         raise click.exceptions.Exit(1)
+
+
+def _arriving(tracking: Tracking) -> Iterator[bytes]:
+    """Yield the lines of standard input as they arrive, until its end.
+
+    Raises:
+        OrientdError: tracking has ended.
+    """
+    lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(lines,), name="orientd input", daemon=True).start()
+    while True:
+        try:
+            line = lines.get(timeout=_LOOK)
+        except queue.Empty:
+            tracking.raise_if_ended()
+            continue
+        if not line:
+            return
+        yield line
+
+
+def _read(lines: queue.SimpleQueue[bytes]) -> None:
+    # Not sys.stdin: the interpreter needs its lock to end, and this thread may wait for a line.
+    with open(sys.stdin.fileno(), "rb", closefd=False) as arriving:
+        for line in arriving:
+            lines.put(line)
+    lines.put(b"")
 
 
 class _Lines:

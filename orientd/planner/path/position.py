@@ -166,7 +166,8 @@ class PositionPath:
             begin: start of the move, s.
             end: end of the move, not later than this path's first break.
         """
-        if np.array_equal(position, self.first):
+        # A move that takes no time bridges only a rounding error.
+        if begin == end or np.array_equal(position, self.first):
             return self
         move = quintic((position, _STILL, _STILL), (self.first, _STILL, _STILL), end - begin)
         return self.after(PositionPath(np.array([begin, end]), move[None], position, self.first))

@@ -2,6 +2,7 @@
 
 import json
 import math
+import signal
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
@@ -90,7 +91,6 @@ def run(monkeypatch):
     [
         (OrientdError("it is\nso"), "orientd: it is so\n"),
         (RequestError("keyframes[1]", "missing"), "orientd: keyframes[1]: missing\n"),
-        (KeyboardInterrupt(), "orientd: interrupted\n"),
         (FileNotFoundError(2, "No such file", "x\ny"), "orientd: x y: No such file\n"),
         (MemoryError(), "orientd: there is not enough memory for this\n"),
     ],
@@ -98,6 +98,12 @@ def run(monkeypatch):
 def test_what_goes_wrong_is_one_line_and_status_1(run, error, line):
     result = run(error)
     assert (result.returncode, result.stdout, result.stderr) == (1, "", line)
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_is_one_line_and_the_status_that_shells_expect(run, number, status):
+    result = run(KeyboardInterrupt(number))
+    assert (result.returncode, result.stderr) == (status, "orientd: interrupted\n")
 
 
 def test_what_goes_wrong_is_one_object_for_programs(run):

@@ -1,8 +1,11 @@
 """A client that has hung up, or never got through."""
 
 import pytest
+from authority import Authority
+from command_line import assert_refused, inside
 
 import orientd
+from orientd.client import certificate_files
 from orientd.client.channel import Way
 from orientd.client.robot import Robot
 from orientd.errors import DaemonError
@@ -53,3 +56,58 @@ def test_what_is_missing_of_the_certificates_is_named(monkeypatch, connect_to, a
         DaemonError, match=r"host:1 needs a certificate.* environment's ORIENTD_CA$"
     ):
         connect_to(**address)
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory):
+    made = Authority(tmp_path_factory.mktemp("authority") / "ca")
+    for name in ("ana", "bob"):
+        made.issue(name)
+    return made
+
+
+def client_files(authority, *names):
+    return certificate_files("host:1", *(authority.folder / name for name in names))
+
+
+@pytest.mark.parametrize(
+    ("names", "problem"),
+    [
+        (("ana.pem", "bob.key", "ca.pem"), "the key {1} does not belong to the certificate {0}"),
+        (("ana.key", "ana.key", "ca.pem"), "{0}: no certificate in it"),
+        (("ana.pem", "ana.key", "ana.key"), "{2}: no certificate in it"),
+        (("ana.pem", "ana.pem", "ca.pem"), "{1}: no private key in it"),
+        (("ana.pem", "none", "ca.pem"), "cannot read {1}: No such file or directory"),
+    ],
+    ids=["another's key", "no certificate", "no CA", "no key", "no file"],
+)
+def test_a_wrong_file_of_a_client_is_named_before_it_connects(authority, names, problem):
+    paths = [authority.folder / name for name in names]
+    with pytest.raises(DaemonError) as caught:
+        client_files(authority, *names)
+    assert str(caught.value).startswith(problem.format(*paths))
+
+
+def test_a_private_key_that_everybody_can_read_is_named(authority, caplog):
+    client_files(authority, "ana.pem", "ana.key", "ca.pem")
+    assert not caplog.messages
+    key = authority.folder / "open.key"
+    key.write_bytes((authority.folder / "ana.key").read_bytes())
+    key.chmod(0o644)
+    client_files(authority, "ana.pem", "open.key", "ca.pem")
+    assert caplog.messages == [
+        f"every user can read the private key {key} (mode 644): chmod 600 it"
+    ]
+
+
+def test_certificates_without_an_address_are_a_mistake_of_usage(monkeypatch):
+    monkeypatch.delenv("ORIENTD_ADDRESS", raising=False)
+    done = inside("status", "--cert", "ana.pem")
+    assert_refused(done, "--cert, --key and --ca need --address", status=2)
+
+
+def test_a_socket_whose_name_looks_like_a_host_is_a_socket(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DaemonError) as caught:
+        orientd.connect("localhost")
+    assert str(caught.value) == "no daemon answers at localhost; start one with `orientd run`"

@@ -1,13 +1,15 @@
 """Motions of several daemons that begin together or not at all."""
 
-from concurrent.futures import Future
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 
 from orientd.errors import DaemonError, LateError
 from orientd.fleet.plan_file import FleetMotion
-from orientd.fleet.together import _all_or_none
+from orientd.fleet.together import Together, _all_or_none, _wait
 from orientd.planner import Keyframe, MotionRequest
+from orientd.protocol import control_pb2 as pb
 
 HOME = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))])
 
@@ -51,3 +53,30 @@ def test_a_daemon_that_does_not_answer_a_withdrawal_is_named():
     with pytest.raises(DaemonError, match=reason):
         _all_or_none(*begun(left, LateError("too late"), right))
     assert left.calls == right.calls == ["cancel", "abandon"]
+
+
+class Moving:
+    """A motion that ends when it is cancelled, or at once with an error."""
+
+    plan = pb.Plan()
+
+    def __init__(self, error=None):
+        self.error, self.cancelled = error, threading.Event()
+
+    def wait(self):
+        if self.error is not None:
+            raise self.error
+        assert self.cancelled.wait(10.0)
+        return pb.MoveSummary(outcome=pb.OUTCOME_STOPPED, text="stopped by ana")
+
+    def cancel(self):
+        self.cancelled.set()
+
+
+def test_a_stopped_motion_names_the_one_whose_daemon_died():
+    motions, _ = begun()
+    with ThreadPoolExecutor(4) as pool:
+        ended = _wait(motions[:2], [Moving(), Moving(DaemonError("lost the daemon"))], pool)
+    assert Together(ended, None, None).problem == (
+        "left/arm: stopped because of middle/arm; middle/arm: lost the daemon"
+    )

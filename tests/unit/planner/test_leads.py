@@ -152,6 +152,14 @@ def test_no_approach_is_needed_to_where_the_device_is():
     assert approach_cycles(None, 0.0, limits=ARM, period=PERIOD) == 0
 
 
+def test_a_start_that_is_off_by_rounding_needs_no_lead_in():
+    start = State.at_rest(HERE, np.array([0.1, 0.2, 0.3]))
+    lead_in = from_rest(
+        start, State.at_rest(HERE, start.position + 1e-16), limits=ARM, period=PERIOD
+    )
+    assert (lead_in.cycles, lead_in.positions.is_held) == (0, True)
+
+
 def test_an_approach_takes_the_short_way_from_rest_to_rest():
     there = -exp([0.0, 0.0, 2.0])
     turn = approach(HERE, there, LIMITS["arm"])
