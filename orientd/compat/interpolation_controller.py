@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orientd import rotation
 from orientd.client import Playing, Robot, connect
-from orientd.errors import OrientdError, StateError
+from orientd.errors import OrientdError, RequestError, StateError
 from orientd.rotation import Quaternion
 from orientd.stream import CHUNK_POSES, Cycle
 
@@ -69,6 +69,9 @@ class RTDEInterpolationController:
         device: name of the device; it may be empty if the daemon has only one.
         socket: of the daemon, as :func:`orientd.connect` takes it.
         settings: the other arguments of the original; ignored.
+
+    Raises:
+        RequestError: the frequency is not positive.
     """
 
     def __init__(
@@ -89,6 +92,8 @@ class RTDEInterpolationController:
         **settings: object,
     ) -> None:
         del shm_manager, robot_ip, lookahead_time, gain, settings
+        if not frequency > 0.0:
+            raise RequestError("frequency", f"expected more than 0, got {frequency!r}")
         self._speeds = {"linear_velocity": max_pos_speed, "velocity": max_rot_speed}
         self._launch_timeout, self._spacing_ns = launch_timeout, 1e9 / frequency
         self._receive_latency = receive_latency
@@ -105,8 +110,17 @@ class RTDEInterpolationController:
         """Connect to the daemon and begin; wait for the first state if *wait* is true.
 
         Raises:
-            OrientdError: there is no daemon, or the device cannot follow.
+            OrientdError: there is no daemon, or the device cannot follow.  It is disconnected then.
         """
+        try:
+            self._begin()
+            if wait:
+                self.start_wait()
+        except BaseException:
+            self.stop()
+            raise
+
+    def _begin(self) -> None:
         robot = self._robot = connect(self._socket, holder="RTDEInterpolationController")
         found = next((one for one in robot.devices() if self._device in ("", one.name)), None)
         if found is None:
@@ -120,8 +134,6 @@ class RTDEInterpolationController:
         self._play = robot.play(device=found.name, limits=limits or None)
         self._ending.clear()
         threading.Thread(target=self._watch, args=(robot,), daemon=True).start()
-        if wait:
-            self.start_wait()
 
     def start_wait(self) -> None:
         """Wait for the first state.
@@ -214,14 +226,23 @@ class RTDEInterpolationController:
             The entries of :data:`KEYS`, shape ``(6,)`` or ``(k, 6)``: poses, and velocities in the
             world, m/s and rad/s; joints in rad and rad/s.  ``robot_receive_timestamp`` is the time
             of each, and ``robot_timestamp`` that time without the receive latency.
+
+        Raises:
+            StateError: there is none yet.
         """
         del out
-        states = list(self._states)
+        states = self._kept()
         return dict(states[-1]) if k is None else _stacked(states[-k:])
 
     def get_all_state(self) -> dict[str, Any]:
         """Return all states that are kept, stacked; see :meth:`get_state`."""
-        return _stacked(list(self._states))
+        return _stacked(self._kept())
+
+    def _kept(self) -> list[dict[str, Floats]]:
+        states = list(self._states)
+        if not states:
+            raise StateError("there is no state yet; start() waits for the first")
+        return states
 
     def _watch(self, robot: Robot) -> None:
         """Keep states until the connection ends."""

@@ -9,7 +9,8 @@ from harness import until
 import orientd
 from orientd.compat import RTDEInterpolationController
 from orientd.compat.interpolation_controller import KEYS
-from orientd.errors import StateError
+from orientd.errors import RequestError, StateError
+from orientd.protocol import control_pb2 as pb
 
 A, B = [1.4108558893203735, -0.14490126, 2.29686666], [-1.98694757, -0.20934335, -2.12741767]
 """Rotation vectors of a policy that are 46.66 degrees apart; their components change sign."""
@@ -91,3 +92,19 @@ def test_it_is_ready_once_started_and_refuses_poses_of_another_shape(daemon, con
     with pytest.raises(StateError, match="no such"):
         idle.start()
     idle.stop()
+
+
+def test_a_start_that_is_refused_keeps_no_lease(daemon):
+    refused = RTDEInterpolationController(socket=daemon.socket, max_pos_speed=0.0)
+    with pytest.raises(RequestError, match="linear_velocity"):
+        refused.start()
+    assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases
+
+
+def test_what_is_asked_for_wrongly_or_too_early_is_an_error_of_its_own(daemon):
+    with pytest.raises(RequestError, match="frequency: expected more than 0, got 0"):
+        RTDEInterpolationController(frequency=0)
+    idle = RTDEInterpolationController(socket=daemon.socket)
+    for ask in (idle.get_state, idle.get_all_state):
+        with pytest.raises(StateError, match="no state yet"):
+            ask()
