@@ -9,7 +9,7 @@ from orientd.keep_out import KeepOut
 from orientd.one_line import counted
 from orientd.planner import ANGULAR, AXES, Rate
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import orientation, titled, to_quaternion, word
+from orientd.protocol import ending, last_ending, orientation, titled, to_quaternion, word
 
 
 def milliseconds(seconds: float) -> str:
@@ -193,12 +193,6 @@ def summary(of: pb.MoveSummary, plan: pb.Plan, *, speed: float = 1.0) -> list[st
     return lines
 
 
-def ending(of: pb.MoveSummary) -> str:
-    """Return how a motion ended, in a few words."""
-    outcome = word(of, "outcome")
-    return f"{outcome}: {of.text}" if of.text and of.outcome != pb.OUTCOME_DONE else outcome
-
-
 def statistics(of: pb.MotionStatistics, plan: pb.Plan) -> list[str]:
     """Return what was measured of a motion, against what it promised."""
     late, limits = of.lateness, plan.certificate
@@ -229,7 +223,8 @@ def motion(device: pb.DeviceReport) -> str:
     if device.motion_number == 0:
         return "none yet" if device.speed == 1.0 else f"none yet; speed {device.speed:g} is set"
     of = titled(device.motion_number, device.motion_name)
-    return f"{of}: {device.path_time:.3f} of {device.duration:.3f} s, speed {device.speed:g}"
+    running = f"{of}: {device.path_time:.3f} of {device.duration:.3f} s"
+    return f"{last_ending(device) or running}, speed {device.speed:g}"
 
 
 def device(of: pb.DeviceReport) -> list[str]:

@@ -555,7 +555,7 @@ class Device(_message.Message):
     def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age", "feedback_age", "is_stale", "keep_out", "held_at")
+    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age", "feedback_age", "is_stale", "keep_out", "held_at", "ended")
     NAME_FIELD_NUMBER: _ClassVar[int]
     DRIVER_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
@@ -583,6 +583,7 @@ class DeviceReport(_message.Message):
     IS_STALE_FIELD_NUMBER: _ClassVar[int]
     KEEP_OUT_FIELD_NUMBER: _ClassVar[int]
     HELD_AT_FIELD_NUMBER: _ClassVar[int]
+    ENDED_FIELD_NUMBER: _ClassVar[int]
     name: str
     driver: str
     rate_hz: float
@@ -610,7 +611,24 @@ class DeviceReport(_message.Message):
     is_stale: bool
     keep_out: _containers.RepeatedCompositeFieldContainer[KeepOut]
     held_at: str
-    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ..., feedback_age: _Optional[float] = ..., is_stale: bool = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ..., held_at: _Optional[str] = ...) -> None: ...
+    ended: EndedMotion
+    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ..., feedback_age: _Optional[float] = ..., is_stale: bool = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ..., held_at: _Optional[str] = ..., ended: _Optional[_Union[EndedMotion, _Mapping]] = ...) -> None: ...
+
+class EndedMotion(_message.Message):
+    __slots__ = ("motion_number", "name", "outcome", "text", "path_time", "duration")
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    OUTCOME_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    PATH_TIME_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    motion_number: int
+    name: str
+    outcome: Outcome
+    text: str
+    path_time: float
+    duration: float
+    def __init__(self, motion_number: _Optional[int] = ..., name: _Optional[str] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., text: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ...) -> None: ...
 
 class PartHealth(_message.Message):
     __slots__ = ("name", "age", "is_stale", "voltage", "temperature", "current", "warning")

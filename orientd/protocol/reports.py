@@ -90,6 +90,41 @@ def word(message: Message, field: str) -> str:
     return _word(message.DESCRIPTOR.fields_by_name[field], getattr(message, field))
 
 
+def ending(of: pb.MoveSummary | pb.EndedMotion) -> str:
+    """Return how a motion has ended, in a few words.
+
+    >>> ending(pb.MoveSummary(outcome=pb.OUTCOME_DONE))
+    'done'
+    >>> ending(pb.MoveSummary(outcome=pb.OUTCOME_STOPPED, text="stopped by ana"))
+    'stopped by ana'
+    >>> ending(pb.MoveSummary(outcome=pb.OUTCOME_FAULT, text="the link is lost"))
+    'fault: the link is lost'
+    """
+    outcome = word(of, "outcome")
+    if not of.text or of.outcome == pb.OUTCOME_DONE:
+        return outcome
+    return of.text if of.text.startswith(outcome) else f"{outcome}: {of.text}"
+
+
+def last_ending(device: pb.DeviceReport) -> str:
+    """Return how the newest motion of a device has ended; empty while it has not.
+
+    >>> ended = {"name": "turn", "outcome": pb.OUTCOME_STOPPED, "path_time": 0.5, "duration": 2.0}
+    >>> last_ending(pb.DeviceReport(motion_number=3, ended={"motion_number": 3, **ended}))
+    "3 'turn': stopped, at 0.500 of 2.000 s"
+    >>> last_ending(pb.DeviceReport(motion_number=4, ended={"motion_number": 3, **ended}))
+    ''
+    """
+    of = device.ended
+    if not of.motion_number or of.motion_number != device.motion_number:
+        return ""
+    when = ""
+    if of.duration:
+        place = "" if of.outcome in GOOD_OUTCOMES else f"at {of.path_time:.3f} of "
+        when = f", {place}{of.duration:.3f} s"
+    return f"{titled(of.motion_number, of.name)}: {ending(of)}{when}"
+
+
 def samples(plan: pb.Plan) -> Samples:
     """Return the samples of *plan* as arrays."""
     import numpy as np

@@ -13,7 +13,7 @@ import numpy as np
 
 from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import orientation, titled, to_quaternion
+from orientd.protocol import last_ending, orientation, titled, to_quaternion
 from orientd.rotation import to_euler
 from orientd.viewer.cell import Member
 
@@ -89,6 +89,7 @@ def status(
     return [
         *lines,
         ("row", "Device", f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)"),
+        *([("row", "Last motion", ended)] if (ended := last_ending(device)) else []),
         ("row", "Lease", lease(device, daemon, is_ours=is_ours)),
         ("row", "Measured", measured(device)),
         *where(device),

@@ -69,6 +69,8 @@ class Follower:
         }
         if fresh is not None:
             self.environment["PATH"] = os.environ["PATH"]
+            # The wheel in place of the clone that the page is read in: it is built once.
+            self._own["install '.["] = "install 'orientd-motion["
             self.environment["PIP_FIND_LINKS"] = str(fresh)
             self.environment["PIP_DISABLE_PIP_VERSION_CHECK"] = "1"
             self.environment.pop("PYTHONPATH")

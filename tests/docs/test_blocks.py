@@ -87,3 +87,16 @@ def test_nothing_tells_anybody_to_install_somebody_elses_package():
         if file != Path(__file__):
             text = file.read_text(encoding="utf-8")
             assert not re.search(r"pip install [^\n]*orientd(?!-motion)\b", text), file
+
+
+def test_pages_install_from_the_clone():
+    """No release is on an index: in a new environment a name would not be found."""
+    for page in (DOCS.parent / "README.md", *pages()):
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"^\S*( \S*)?pip install .*orientd-motion", text, re.MULTILINE), page
+
+
+def test_every_item_of_a_numbered_list_begins_a_line():
+    for page in DOCS.rglob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"^\d\. .*(\n   .*)*\. \d\. ", text, re.MULTILINE), page

@@ -103,6 +103,20 @@ def test_status_tells_people_and_programs(daemon):
     assert set(status["devices"][DEVICE]["cycle"]["q"]) == set("wxyz")
 
 
+def test_status_says_how_the_last_motion_ended_and_who_stopped_it(daemon, motion, slow):
+    def last():
+        return inside("status", "--socket", daemon.socket).stdout.partition("  motion       ")[2]
+
+    assert inside("move", motion, "--socket", daemon.socket).returncode == 0
+    assert re.match(r"\d+.*: done, \d\.\d{3} s, speed 1\n", last())
+    process = begin("move", slow, "--socket", daemon.socket)
+    until(lambda: is_moving(daemon.device()), "the motion")
+    assert re.match(r"\d+.*: \d\.\d{3} of \d+\.\d{3} s, speed 1\n", last())
+    assert inside("stop", "--socket", daemon.socket).returncode == 0
+    process.communicate(timeout=30.0)
+    assert re.match(r"\d+.*: stopped by .*, at \d\.\d{3} of \d+\.\d{3} s, speed 1\n", last())
+
+
 def test_devices_and_methods_are_listed(daemon):
     devices = told(inside("devices", "--json", "--socket", daemon.socket))["devices"]
     assert [device["name"] for device in devices] == [DEVICE]

@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from command_line import begin
+from command_line import begin, inside
 from harness import (
     DEVICE,
     DaemonProcess,
@@ -178,6 +178,10 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
 
         daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
         assert daemon.device().state == pb.STATE_HOLDING
+        ended = daemon.device().ended
+        assert (ended.motion_number, ended.outcome) == (1, pb.OUTCOME_FAULT)
+        assert 0.0 < ended.path_time < ended.duration
+        assert "signal 9" in inside("status", "--socket", daemon.socket).stdout
         assert daemon.device().servo_pid not in (0, servo)
         *_, last = daemon.move(spin(1.0))
         assert last.summary.outcome == pb.OUTCOME_DONE

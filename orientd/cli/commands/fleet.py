@@ -215,7 +215,7 @@ def tell_together(together: Together, out: Output) -> None:
     Raises:
         OrientdError: one of them did not end as requested.
     """
-    from orientd.cli import texts
+    from orientd.protocol import ending as how
 
     ended = [
         {"daemon": one.motion.daemon, "device": one.motion.device, "plan": one.plan,
@@ -223,7 +223,7 @@ def tell_together(together: Together, out: Output) -> None:
         for one in together.ended
     ]  # fmt: skip
     lines = [
-        f"{one.motion}: {one.problem or (one.summary and texts.ending(one.summary))}"
+        f"{one.motion}: {one.problem or (one.summary and how(one.summary))}"
         for one in together.ended
     ]
     if together.skew is not None and together.skew_bound is not None:

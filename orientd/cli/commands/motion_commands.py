@@ -219,11 +219,11 @@ def conclude(
 
 def raise_unless_done(summary: pb.MoveSummary) -> None:
     """Raise the error of a command whose motion was not run to its end."""
-    from orientd.cli import texts
     from orientd.protocol import GOOD_OUTCOMES
+    from orientd.protocol import ending as how
 
     if summary.outcome not in GOOD_OUTCOMES:
-        raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
+        raise OrientdError(f"motion {summary.motion_number} {how(summary)}")
 
 
 def home(to: Commander, out: Output) -> None:

@@ -16,6 +16,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import aclosing
 from dataclasses import dataclass, field
 from functools import partial
+from hashlib import sha256
 from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
@@ -36,6 +37,7 @@ from orientd.errors import (
     RequestError,
     TooMuchError,
 )
+from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_status
 
 _log = logging.getLogger(__name__)
@@ -264,13 +266,21 @@ def describe(request: Message) -> dict[str, Any]:
     >>> from orientd.protocol import control_pb2 as pb
     >>> describe(pb.SetSpeedRequest(lease_token="abc", device="arm", speed=0.5))
     {'device': 'arm', 'speed': 0.5}
+
+    Of a motion it is these, the number of its keyframes and a digest of all of it.
     """
     kinds = (FieldDescriptor.TYPE_MESSAGE, FieldDescriptor.TYPE_BYTES)
     # The first request of a stream wraps what it asks for.
     parts = [part for part in (request, getattr(request, "start", None)) if part is not None]
-    return {
+    described = {
         one.name: content[:_MOST_TEXT] if isinstance(content, str) else content
         for part in parts
         for one, content in part.ListFields()
         if one.type not in kinds and not one.is_repeated and one.name not in SECRETS
     }
+    motion = getattr(request, "motion", None)
+    if isinstance(motion, pb.MotionRequest) and request.HasField("motion"):
+        digest = sha256(motion.SerializeToString(deterministic=True)).hexdigest()
+        figures = {"keyframes": len(motion.keyframes), "sha256": digest}
+        described["motion"] = describe(motion) | figures
+    return described

@@ -70,6 +70,21 @@ def device_report(device: Device) -> pb.DeviceReport:
         is_free=device.is_free and now.state is ServoState.IDLE,
         health=[_part(part, now_ns) for part in now.health],
         held_at=now.held_at,
+        ended=None if device.last_ended is None else ended_motion(device.last_ended),
+    )
+
+
+def ended_motion(queued: QueuedMotion) -> pb.EndedMotion:
+    """Return how a motion has ended."""
+    outcome, text = queued.ended.result(timeout=0)
+    facts = None if queued.planned is None else queued.planned.facts
+    return pb.EndedMotion(
+        motion_number=queued.number,
+        name=facts.name if facts else "",
+        outcome=outcome,
+        text=text,
+        path_time=queued.reached,
+        duration=facts.duration if facts else 0.0,
     )
 
 

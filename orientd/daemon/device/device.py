@@ -93,6 +93,7 @@ class Device:
         keep_out: cones that every motion stays out of.
         targets: hands targets and chunks of poses to the servo while it follows them.
         is_free: whether it was disabled for hand guiding.
+        last_ended: the motion that has ended last; ``None`` before the first has.
         workers: threads for its commands and its stops.
     """
 
@@ -128,6 +129,7 @@ class Device:
         self.limits = settings.limits.to_limits()
         self.keep_out = settings.to_keep_out()
         self.is_free = self._was_following = False
+        self.last_ended: QueuedMotion | None = None
         self.workers = DeviceWorkers(self.name)
         driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
         self._axes = DeviceAxes(driver, self.name)
@@ -638,6 +640,7 @@ class Device:
         self._unfinished.discard(queued)
         if not queued.ended.done():
             queued.ended.set_result(ended)
+            self.last_ended = queued
 
 
 def _note(motions: Iterable[QueuedMotion], reason: str) -> None:

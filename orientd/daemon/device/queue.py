@@ -374,7 +374,10 @@ class MotionQueue:
         if cycle is None or (cycle.state is ServoState.FAULT and not fault_text):
             return  # the reason for a fault of this very moment comes before the next look
         self._endings.leave(self.passed(cycle), self.first, cycle)
-        if cycle.motion == self.first.number and cycle.state not in MOVING:
+        if cycle.motion != self.first.number:
+            return
+        self.first.reached = self.first.path_time(cycle)
+        if cycle.state not in MOVING:
             self._come_to_rest(cycle, fault_text)
 
     def _look_at_targets(self, queued: QueuedMotion, cycle: Cycle) -> None:

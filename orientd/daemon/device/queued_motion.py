@@ -96,6 +96,7 @@ class QueuedMotion:
         meter: has measured it since it began to run; ``None`` before.
         reason: why a client stopped it or its device; empty if none did.
         ended: how it ended and why, once it has.
+        reached: how far along it the device was when last seen on it, s.
         settled_after: how long after its last setpoint it was on target, s, if that is known.
     """
 
@@ -115,6 +116,7 @@ class QueuedMotion:
     meter: MotionMeter | None = None
     reason: str = ""
     ended: Future[Ended] = field(default_factory=Future)
+    reached: float = 0.0
     settled_after: float | None = None
 
     @property

@@ -55,6 +55,17 @@ def test_a_fault_is_told_with_what_the_device_said():
     assert f"⚠ {words.FAULTS[Fault.FEEDBACK_STALE]} silent for 0.1 s" in status(device)
 
 
+def test_the_last_motion_is_told_with_its_end_and_by_whom():
+    ended = {"motion_number": 3, "name": "wave", "path_time": 0.8, "duration": 3.7}
+    stopped = {"outcome": pb.OUTCOME_STOPPED, "text": "stopped by ana", **ended}
+    assert "Last motion 3 'wave': stopped by ana, at 0.800 of 3.700 s" in status(
+        changed(DEVICE, ended=stopped)
+    )
+    done = changed(DEVICE, ended={"outcome": pb.OUTCOME_DONE, **ended})
+    assert "Last motion 3 'wave': done, 3.700 s" in status(done)
+    assert "Last motion" not in str(status(changed(done, motion_number=4)))
+
+
 def test_a_slow_motion_is_told_with_its_speed():
     device = changed(DEVICE, state=pb.STATE_STREAMING, speed=0.5)
     assert words.state(device)[1] == "motion 3, 1.2 of 8.0 s at 50 % speed"

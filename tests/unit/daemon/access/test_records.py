@@ -91,8 +91,8 @@ def test_every_field_that_sounds_like_a_secret_is_one():
             {"device": "arm"},
         ),
         (
-            pb.MoveRequest(lease_token="hush", queue=True, motion=pb.MotionRequest(name="turn")),
-            {"queue": True},
+            pb.MoveRequest(lease_token="hush", queue=True, motion_id="m"),
+            {"queue": True, "motion_id": "m"},
         ),
         (pb.AcquireLeaseRequest(holder="x" * 5000), {"holder": "x" * 200}),
     ],
@@ -100,3 +100,15 @@ def test_every_field_that_sounds_like_a_secret_is_one():
 )
 def test_a_request_is_told_by_its_numbers_and_texts_without_its_token(request_, told):
     assert authorization.describe(request_) == told
+
+
+def test_a_motion_is_told_by_its_name_its_keyframes_and_a_digest():
+    def told(*vectors):
+        keyframes = [pb.Keyframe(rotation_vector=pb.Vector3(z=z)) for z in vectors]
+        motion = pb.MotionRequest(name="turn", keyframes=keyframes)
+        return authorization.describe(pb.MoveRequest(motion=motion))["motion"]
+
+    first, again, other = told(0.1, 0.2), told(0.1, 0.2), told(0.1, 0.3)
+    assert (first["name"], first["keyframes"], len(first["sha256"])) == ("turn", 2, 64)
+    assert first == again
+    assert first["sha256"] != other["sha256"]
