@@ -124,15 +124,17 @@ proto:
 	build/proto/bin/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. orientd/protocol/control.proto
 
 $(VENV)/.pip:
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=24"
+	@echo "making the environment $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=24"
 	@touch $@
 
 # An install compiles the kernels: whoever has edited one has them compiled again.
 KERNELS = $(wildcard orientd/kernels/c/*.[ch]) orientd/kernels/build.py
 
 $(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot]"
+	@echo "compiling orientd, and installing what it needs: some minutes without further output"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot]"
 	@touch $@
 
 # Installs extras in the versions of tests/constraints.txt, or in the newest allowed ones if one of them is missing.

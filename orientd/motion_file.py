@@ -11,8 +11,11 @@ orientd.errors.RequestError: keyframes: expected at least 1, got 0
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from orientd.errors import RequestError
 from orientd.model import FORMS, MotionRequest, motion_schema, written
 from orientd.model import read_request as parse
 from orientd.structured_text import parse_structured, read_structured
@@ -27,9 +30,23 @@ def load(path: str | Path) -> MotionRequest:
         RequestError: the file cannot be read, is neither YAML nor JSON, or has no well-formed
             motion.
     """
-    return parse(read_structured(Path(path)))
+    content = read_structured(Path(path))
+    with _naming(str(path)):
+        return parse(content)
 
 
 def loads(content: bytes, name: str) -> MotionRequest:
     """Return the request in the *content* of a file called *name*; see :func:`load`."""
-    return parse(parse_structured(content, name))
+    read = parse_structured(content, name)
+    with _naming(name):
+        return parse(read)
+
+
+@contextmanager
+def _naming(source: str) -> Iterator[None]:
+    """Put the name of a file in front of an error."""
+    try:
+        yield
+    except RequestError as error:
+        error.args = (f"{source}: {error}",)
+        raise

@@ -128,6 +128,9 @@ def _read_yaml(text: str, source: str) -> object:
         mark = error.problem_mark or error.context_mark
         line = f"line {mark.line + 1}: " if mark else ""
         problem = error.problem or error.context or "cannot be read"
+        lines = text.split("\n")
+        if mark and mark.line < len(lines) and lines[mark.line][mark.column :].startswith("\t"):
+            problem = "a tab; YAML is indented with spaces"
         raise RequestError("", f"{source}: {line}not YAML: {problem}") from error
     except yaml.YAMLError as error:
         raise RequestError("", f"{source}: not YAML: {' '.join(str(error).split())}") from error

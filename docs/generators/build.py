@@ -16,6 +16,7 @@ from generators import (
     protocol,
     python_names,
     schemas,
+    searched,
     sines,
 )
 
@@ -53,5 +54,6 @@ def _write(source: Path) -> None:
 def setup(app: Any) -> dict[str, Any]:  # noqa: ANN401 - Sphinx's application
     """Make the pages before Sphinx looks for them."""
     app.connect("config-inited", lambda app, _: _write(Path(app.srcdir)))
+    app.connect("source-read", searched.add)
     app.connect("build-finished", formulas.copy)
     return {"parallel_read_safe": True}

@@ -177,6 +177,20 @@ def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
         )
 
 
+def check_picture(path: Path, *, named: str = "--plot") -> None:
+    """Check the suffix of a picture to be drawn.
+
+    Raises:
+        click.BadParameter: it is no format of a picture; *named* is the parameter.
+    """
+    from orientd import plots
+
+    try:
+        plots.check_format(path)
+    except OrientdError as error:
+        raise click.BadParameter(str(error), param_hint=named) from None
+
+
 _EXTRAS = {
     "mavlink": ("pymavlink",),
     "record": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"),

@@ -34,7 +34,7 @@ def script(app: click.Command, shell: str = "") -> str:
     shell = shell or _shell()
     made = get_completion_class(shell)
     if made is None:
-        raise OrientdError(f"words are completed in {', '.join(_PLACES)}, got {shell!r} as $SHELL")
+        raise OrientdError(f"$SHELL: expected one of {', '.join(_PLACES)}, got {shell!r}")
     return made(app, {}, "orientd", VARIABLE).source()
 
 

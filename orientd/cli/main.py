@@ -94,6 +94,15 @@ class Commands(Group):
             click.Command, found, name=cmd_name, context_settings={"ignore_unknown_options": is_lax}
         )
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that *args* begin with, or refuse it with the nearest name."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.NoSuchCommand as error:
+            raise click.NoSuchCommand(error.command_name, possibilities=_HOMES, ctx=ctx) from None
+
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - what Click returns
         """Run the command of the command line; Ctrl-C is an error like others.
 
@@ -188,6 +197,7 @@ def _usage(error: Any) -> str:  # noqa: ANN401 - a ClickException
     if "\n" in message:
         return message
     message = message[:1].lower() + message[1:].removesuffix(".")
+    message = message.replace(". Did you mean", "; did you mean")
     message = message.replace("Value error, ", "").replace("Input should be ", "expected ")
     context = getattr(error, "ctx", None)
     if isinstance(error, click.UsageError) and context is not None:

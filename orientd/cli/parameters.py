@@ -146,4 +146,5 @@ def _type(kind: Any, limits: tuple[Any, Any] | None) -> Any:  # noqa: ANN401 - C
         return click.IntRange(*limits) if kind is int else _FiniteRange(*limits)
     if get_origin(kind) is Literal:
         return click.Choice(get_args(kind))
-    return click.Path(path_type=Path) if kind is Path else kind
+    # A file that cannot be read is no mistake of usage; whoever opens it says so.
+    return click.Path(path_type=Path, readable=False) if kind is Path else kind

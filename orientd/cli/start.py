@@ -6,6 +6,8 @@ import _signal as signal  # type: ignore[import-not-found] # no enumerations, a 
 import os
 import sys
 
+from orientd import first_stop
+
 TYPE_CHECKING = False  # of typing, which takes as long to load as a stop takes to go out
 if TYPE_CHECKING:
     from types import FrameType
@@ -19,8 +21,6 @@ def main() -> NoReturn:
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, end_at_once)
-    from orientd import first_stop  # after the handler: loading takes time
-
     asked = first_stop.plain(sys.argv[1:])
     if asked is not None:
         answers = first_stop.first(asked)

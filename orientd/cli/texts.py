@@ -196,6 +196,11 @@ def summary(of: pb.MoveSummary, plan: pb.Plan, *, speed: float = 1.0) -> list[st
 def statistics(of: pb.MotionStatistics, plan: pb.Plan) -> list[str]:
     """Return what was measured of a motion, against what it promised."""
     late, limits = of.lateness, plan.certificate
+    errors = [
+        f"off by {getattr(of, name):.1e} rad/s at the {end}"
+        for end in ("start", "end")
+        if of.HasField(name := f"{end}_velocity_error")
+    ]
     percentiles = " / ".join(f"{1e3 * part:.3f}" for part in (late.p50, late.p99, late.p99_9))
 
     stalls = f"{counted(of.stalls, 'time')}, as the servo process did not run: see `orientd doctor`"
@@ -208,14 +213,9 @@ def statistics(of: pb.MotionStatistics, plan: pb.Plan) -> list[str]:
         f"acceleration sent    {_against(of.acceleration, limits.peak_acceleration, 'rad/s^2')}",
         f"jerk sent            {_against(of.jerk, limits.peak_jerk, 'rad/s^3')}",
         f"error to the plan    {of.path_error:.1e} rad at the most",
-        f"end velocities       {_error(of, 'start_velocity_error')} at the start, "
-        f"{_error(of, 'end_velocity_error')} at the end",
+        *([f"end velocities       {', '.join(errors)}"] if errors else []),
         f"tracking error       {small_angle(of.tracking_error)} at the most",
     ]
-
-
-def _error(of: pb.MotionStatistics, name: str) -> str:
-    return f"off by {getattr(of, name):.1e} rad/s" if of.HasField(name) else "not measured"
 
 
 def motion(device: pb.DeviceReport) -> str:

@@ -299,7 +299,10 @@ def _deviations(route: Route) -> list[str]:
     """Return where and by how much a route leaves the path, in words, one line each."""
     missed, when = route.error
     outside = " outside slews" if route.slews else ""
-    lines = [f"the path is missed by at most {degrees(missed):.4f} deg{outside} at {when:.3f} s"]
+    angle = f"{degrees(missed):.4f}"
+    lines = []
+    if float(angle):
+        lines.append(f"the path is missed by at most {angle} deg{outside} at {when:.3f} s")
     period, times = route.path.period, route.path.path_times
     for one in route.passages:
         start, end = (_when(times, place * period, period) for place in (one.first, one.last))

@@ -91,6 +91,14 @@ def _components(content: object, read: Any) -> tuple[float, ...]:  # noqa: ANN40
     return tuple(read(content).values())
 
 
+def _three(content: object) -> object:
+    """Return the components of a vector as a list, or refuse what is none."""
+    plain = to_plain(content)
+    if not isinstance(plain, list | tuple):
+        raise RequestError("", f"expected three numbers, got {shown(content)}")
+    return plain
+
+
 def _printable(text: str) -> str:
     if len(text) > LONGEST_NAME or not text.isprintable():
         expected = f"expected at most {LONGEST_NAME} printable characters"
@@ -170,7 +178,7 @@ if TYPE_CHECKING:
     Rows = Sequence[Vector3]
 else:
     Quaternion = Annotated[Components, WrapValidator(_components)]
-    Vector3 = Annotated[tuple[Number, Number, Number], BeforeValidator(to_plain)]
+    Vector3 = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]
     Rows = Annotated[tuple[Vector3, Vector3, Vector3], BeforeValidator(to_plain)]
     Name = Annotated[Text, AfterValidator(_printable)]
     AskedLimits = Annotated[Rates, WrapValidator(_limits)]

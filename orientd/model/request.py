@@ -420,7 +420,9 @@ class MotionRequest:
     def _check_pace(self) -> None:
         for name in ("duration", "pace"):
             if getattr(self, name) is not None and self.has_times:
-                raise RequestError(name, "leaves the times to the planner; give none")
+                raise RequestError(
+                    name, "the planner then chooses the times; leave out those of the keyframes"
+                )
         if None not in (self.duration, self.pace) and (self.total is None or self.pace != "even"):
             raise RequestError("pace", "a share of the full speed has its own duration; give one")
 

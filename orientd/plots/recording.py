@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PLANNED = "#c4c4c4"
+_NAME_WIDTH = 0.012
+"""Width of the name of an event, as a share of the chart's."""
+
 _LEAST = 1e-6  # rad and ms; what is less is drawn as this much
 
 
@@ -65,7 +68,8 @@ def draw_recording(
     _draw_lateness(charts["lateness"], times, cycles["lateness_ns"] * 1e-9, period)
     instants = [((time_ns - begin) * 1e-9, name) for time_ns, name in marks]
     for name, axes in charts.items():
-        _mark(axes, instants, is_named=name == "orientation")
+        span = float(times[-1] - times[0]) if len(times) else 1.0
+        _mark(axes, instants, span, is_named=name == "orientation")
     charts["lateness"].set_xlabel("time, s", fontsize=9)
     if len(times):
         charts["lateness"].set_xlim(times[0], times[-1])
@@ -204,15 +208,18 @@ def _dots(axes: Axes, times: Floats, values: Floats, colour: str, label: str | N
     )  # fmt: skip
 
 
-def _mark(axes: Axes, marks: Sequence[tuple[float, str]], *, is_named: bool) -> None:
+def _mark(axes: Axes, marks: Sequence[tuple[float, str]], span: float, *, is_named: bool) -> None:
+    written = -np.inf
     for time, name in marks:
-        is_bad = name.isupper()
-        axes.axvline(time, color=LIMIT if is_bad else QUIET, linewidth=0.8, linestyle=":")
+        colour = LIMIT if name.isupper() else QUIET
+        axes.axvline(time, color=colour, linewidth=0.8, linestyle=":")
         if is_named:
+            # Names of one moment stand side by side; the last ones would be cut off at the right.
+            written = max(time, written + _NAME_WIDTH * span)
             axes.annotate(
-                name, (time, 0.99), xycoords=("data", "axes fraction"), xytext=(2, 0),
+                name, (written, 0.99), xycoords=("data", "axes fraction"), xytext=(2, 0),
                 textcoords="offset points", ha="left", va="top", fontsize=7.5, rotation=90,
-                color=LIMIT if is_bad else QUIET,
+                color=colour, annotation_clip=False,
             )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """Write the texts of the page.
 
-A line is a kind and two texts.  ``current`` lines are hidden once they are old, ``row`` lines are a
-name and a value, ``alert`` lines stand out, and ``note`` lines have one text.
+A line is a kind and two texts.  ``current`` lines are hidden once they are old.  ``row`` lines are
+a name and a value, and ``age`` lines are rows that are hidden once they are old.  ``alert`` lines
+stand out, and ``note`` lines have one text.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def status(
         ("row", "Device", f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)"),
         *([("row", "Last motion", ended)] if (ended := last_ending(device)) else []),
         ("row", "Lease", lease(device, daemon, is_ours=is_ours)),
-        ("row", "Measured", measured(device)),
+        ("age", "Last measured", measured(device)),
         *where(device),
     ]
 
@@ -127,7 +128,11 @@ def where(device: pb.DeviceReport) -> list[Line]:
 def _orientation(name: str, q: Sequence[float]) -> list[Line]:
     yaw, pitch, roll = np.degrees(to_euler(q, "ZYX"))
     angles = f"yaw {yaw:.2f}° pitch {pitch:.2f}° roll {roll:.2f}° (ZYX)"
-    return [("row", name, orientation(q)), ("row", "", angles)]
+    # A line never ends between the name of a component and its number.
+    numbers = (
+        orientation(q).replace(" +", "\N{NO-BREAK SPACE}+").replace(" -", "\N{NO-BREAK SPACE}-")
+    )
+    return [("row", name, numbers), ("row", "", angles)]
 
 
 def cell(members: Sequence[Member]) -> list[Line]:

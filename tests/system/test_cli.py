@@ -143,6 +143,13 @@ def test_a_plan_needs_no_daemon_and_fills_a_table(motion, tmp_path):
     assert largest <= peak["value"]
 
 
+def test_a_plan_reads_standard_input():
+    process = begin("plan", "-", stdin=subprocess.PIPE)
+    output, errors = process.communicate(MOTION, timeout=60.0)
+    assert (process.returncode, errors) == (0, "")
+    assert "through 3 keyframes" in output
+
+
 def test_a_plan_is_the_same_in_every_kind_of_file(motion, tmp_path):
     paths = [tmp_path / f"out{ending}" for ending in (".csv", ".npz", ".json")]
     for path in paths:
@@ -349,10 +356,18 @@ def test_the_demo_moves_and_leaves_nothing_behind(folder):
     assert list(folder.iterdir()) == []
 
 
-def test_the_demo_of_a_policy_keeps_the_limits_and_turns_the_short_way(folder):
-    path = folder / "policy.png"
+def test_the_demo_tells_its_figures_even_if_the_picture_cannot_be_written(folder):
+    (folder / "demo.png").mkdir()
     environ = environment(TMPDIR=str(folder))
-    demo = told(orientd("demo", "policy", "--plot", path, "--json", cwd=folder, env=environ))
+    done = orientd("demo", "--plot", folder / "demo.png", cwd=folder, env=environ)
+    assert_refused(done, "cannot write")
+    assert "velocity sent" in done.stdout
+
+
+def test_the_demo_of_a_policy_keeps_the_limits_and_turns_the_short_way(folder):
+    path = folder / "orientd-demo-policy.png"  # not that of the other demo
+    environ = environment(TMPDIR=str(folder))
+    demo = told(orientd("demo", "policy", "--json", cwd=folder, env=environ))
     assert demo["orientd"]["acceleration"] <= 1.001 * demo["limit"]
     assert demo["orientd"]["cycles_above_limit"] == 0
     assert demo["straight_lines"]["acceleration"] > 1000.0 * demo["limit"]

@@ -154,7 +154,7 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         (KEYFRAMES + "method: 3", "method", "expected a text, got 3"),
         (KEYFRAMES + "approach: maybe", "approach", "expected true or false, got the text 'maybe'"),
         (KEYFRAMES + "approach: 1", "approach", "expected true or false, got 1"),
-        (KEYFRAMES + "start_velocity: 5", "start_velocity", "expected a list, got 5"),
+        (KEYFRAMES + "start_velocity: 5", "start_velocity", "expected three numbers, got 5"),
         (KEYFRAMES + "start_velocity: [1, 2]", "start_velocity", "expected 3 entries, got 2"),
         (KEYFRAMES + "start_velocity: [1, 2, 3, 4]", "start_velocity", "expected 3 entries, got 4"),
         (KEYFRAMES + "end_velocity: [1, 2, x]", "end_velocity[2]", "a number, got the text 'x'"),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 
+from orientd.cli.command import check_picture
 from orientd.cli.commands.motion_commands import MotionFile
 from orientd.cli.output import Output, table, working
 from orientd.cli.parameters import Option
@@ -79,7 +80,7 @@ def compare(
     from orientd.planner import in_device_coordinates, task_of
 
     if plot is not None:
-        plots.check_format(plot)
+        check_picture(plot)
     request = in_device_coordinates(motion_file.load(file), None)
     need_two(request)
     task = task_of(request, times, ends)
@@ -145,7 +146,7 @@ def _lines(candidates: Sequence[Candidate], *, has_torque: bool) -> list[str]:
     measured = [(one, one.figures) for one in candidates if one.figures is not None]
     absent = [[one.name, one.why_not] for one in candidates if one.figures is None]
     columns: list[tuple[str, Callable[[Candidate, Figures], str]]] = [
-        ("family", lambda c, _: c.name),
+        ("method", lambda c, _: c.name),
         ("keyframes", lambda _, f: "met" if f.interpolates else f"off {f.keyframe_error:.3g} rad"),
         ("smooth", lambda _, f: f"C{f.continuity}"),
     ]

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from orientd.cli.command import check_picture
 from orientd.cli.output import Output
 from orientd.cli.own_daemon import begun
 from orientd.cli.parameters import Argument, Option
@@ -48,9 +49,15 @@ def demo(
             metavar="WHAT", help="`motion`: a planned motion; `policy`: the chunks of a policy."
         ),
     ] = "motion",
-    plot: Annotated[Path, Option("--plot", "-p", help="Image file to draw (extra plot).")] = Path(
-        "orientd-demo.png"
-    ),
+    plot: Annotated[
+        Path | None,
+        Option(
+            "--plot",
+            "-p",
+            help="Image file to draw (extra plot); default: orientd-demo.png, or "
+            "orientd-demo-policy.png.",
+        ),
+    ] = None,
 ) -> None:
     """Run a motion on a simulated device, and report how well it went.
 
@@ -69,7 +76,8 @@ def demo(
     from orientd.protocol import control_pb2 as pb
     from orientd.stream import ServoState
 
-    plots.check_format(plot)
+    plot = plot or Path("orientd-demo.png" if what == "motion" else "orientd-demo-policy.png")
+    check_picture(plot)
     if not plot.absolute().parent.is_dir():
         raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
@@ -97,9 +105,10 @@ def demo(
             summary = follow(handle, out, title="demo")
         plan = handle.plan
     moving = [cycle for cycle in cycles if cycle.state is ServoState.STREAMING]
+    out.say("", *texts.summary(summary, plan))
     why_not = ""
     if summary.outcome != pb.OUTCOME_DONE:
-        why_not = "none of a part of the motion"
+        why_not = "none, since the motion did not run to its end"
     elif not plots.is_available():
         why_not = "none: pip install 'orientd-motion[plot]' for one"
     elif not moving:
@@ -108,8 +117,6 @@ def demo(
         _draw(plot, moving, plan)
     out.answer(
         {"plan": plan, "summary": summary, "picture": None if why_not else plot.absolute()},
-        "",
-        *texts.summary(summary, plan),
         f"  picture              {why_not or plot.absolute()}",
     )
     raise_unless_done(summary)

@@ -147,9 +147,6 @@ def show(robot: Robot, cycles: list[Cycle], out: Output, path: Path | None) -> N
     smooth, timing = played(robot, cycles, period)
     players = (straight(chunks(), period), slerped(chunks(), period), smooth)
     limit = device.limits.acceleration
-    if path is not None:
-        arrivals = [chunk.arrives for chunk in chunks()]
-        plots.draw_played(path, players, limit, arrivals, title="The chunks of a policy, as sent")
     figures = {
         player.name.replace(" ", "_"): {
             "turned": float(player.turned[-1]),
@@ -165,13 +162,18 @@ def show(robot: Robot, cycles: list[Cycle], out: Output, path: Path | None) -> N
         f"{one['cycles_above_limit']:>20}"
         for name, one in figures.items()
     ]
-    out.answer(
-        {**figures, "limit": limit, "timing": timing, "picture": path and path.absolute()},
+    out.say(
         "",
         f"  {'':<20}{'turned, deg':>13}{'per cycle, deg':>16}{'acceleration, rad/s^2':>23}"
         f"{'cycles above limit':>20}",
         *rows,
         f"  {'limit':<20}{'':>29}{limit:>23.3g}",
-        f"  {'late poses':<20} {timing.stale} in {timing.chunks} chunks",
+        f"  {'late poses':<20} {timing.stale} in {timing.chunks} chunks, past on arrival",
+    )
+    if path is not None:
+        arrivals = [chunk.arrives for chunk in chunks()]
+        plots.draw_played(path, players, limit, arrivals, title="The chunks of a policy, as sent")
+    out.answer(
+        {**figures, "limit": limit, "timing": timing, "picture": path and path.absolute()},
         f"  {'picture':<20} {path.absolute() if path else 'none'}",
     )

@@ -132,6 +132,8 @@ def latency_finding(device: DeviceSettings) -> Finding:
 
 
 def _report(found: list[Finding], out: Output) -> None:
+    from orientd.cli.texts import count as plural
+
     count = {verdict: sum(one.verdict is verdict for one in found) for verdict in Verdict}
     rows = [[one.verdict.value, one.name, one.found] for one in found]
     out.answer(
@@ -140,5 +142,5 @@ def _report(found: list[Finding], out: Output) -> None:
         "",
         *(f"{one.name}: {one.mend}" for one in found if one.mend),
         f"{count[Verdict.OK]} ok, {count[Verdict.IMPROVE]} to improve, "
-        f"{count[Verdict.PROBLEM]} problems",
+        f"{plural(count[Verdict.PROBLEM], 'problem')}",
     )

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import click
 
-from orientd.cli.command import Commander, ConfigFile, DeviceName, check_ending, device_settings
+from orientd.cli.command import (
+    Commander,
+    ConfigFile,
+    DeviceName,
+    check_ending,
+    check_picture,
+    device_settings,
+)
 from orientd.cli.output import Output, working
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
@@ -20,7 +27,20 @@ if TYPE_CHECKING:
     from orientd.client import EndlessTurn, MoveHandle, Robot
     from orientd.protocol import control_pb2 as pb
 
-MotionFile = Annotated[Path, Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
+
+def _standard_input(context: click.Context, parameter: click.Parameter, file: Path) -> Path:
+    del context, parameter
+    return Path("/dev/stdin") if file == Path("-") else file
+
+
+MotionFile = Annotated[
+    Path,
+    Argument(
+        metavar="FILE",
+        help="A motion file, YAML or JSON; - for standard input.",
+        callback=_standard_input,
+    ),
+]
 
 LATEST_START = 3600.0
 """How far ahead the daemon accepts a start time, s."""
@@ -58,11 +78,9 @@ def plan(
 
     if output is not None:
         check_ending(output, sample_files.ENDINGS, named="--output")
-    request = motion_file.load(file)
     if plot is not None:
-        from orientd import plots
-
-        plots.check_format(plot)
+        check_picture(plot)
+    request = motion_file.load(file)
     settings = device_settings(config, device)
     planner = settings.planner()
     with working(f"planning {file.name}"):

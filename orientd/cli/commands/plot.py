@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import click
 
-from orientd.cli.command import DeviceName, Partial, Topic, need_extra
+from orientd.cli.command import DeviceName, Partial, Topic, check_picture, need_extra
 from orientd.cli.commands.compare import Ends, Times, need_two
 from orientd.cli.output import Output, table, working
 from orientd.cli.parameters import Argument, Option
@@ -61,6 +61,12 @@ def plot(
     device: DeviceName = "",
     topic: Topic = "",
     partial: Partial = False,
+    last: Annotated[
+        float,
+        Option(
+            "--last", metavar="SECONDS", range=(0.0, None), help="Draw only the end of a recording."
+        ),
+    ] = 0.0,
 ) -> None:
     """Draw a motion file, a recording, a method or a paper's figure.
 
@@ -74,7 +80,7 @@ def plot(
         _list(out)
         return
     path = output or Path(f"{Path(what).stem}.svg")
-    plots.check_format(path)
+    check_picture(path, named="--output")
     notes: tuple[str, ...] = ()
     with working(f"drawing {path}"):
         if what in METHODS:
@@ -82,7 +88,7 @@ def plot(
         elif what in plots.FIGURES:
             plots.draw_figure(path, what)
         elif Path(what).suffix in RECORDINGS and Path(what).exists():
-            notes = _draw_recording(Path(what), path, device, topic, partial=partial)
+            notes = _draw_recording(Path(what), path, device, topic, partial=partial, last=last)
         elif Path(what).exists():
             _draw_file(Path(what), path, show, times, ends)
         else:
@@ -104,7 +110,7 @@ def _list(out: Output) -> None:
 
 
 def _draw_recording(
-    file: Path, path: Path, device: str, topic: str, *, partial: bool
+    file: Path, path: Path, device: str, topic: str, *, partial: bool, last: float
 ) -> tuple[str, ...]:
     """Draw a recording of orientd or of another program, and return notes on it."""
     from orientd import plots
@@ -122,12 +128,16 @@ def _draw_recording(
         with contextlib.suppress(NotOursError):
             recording = load_recording(file, partial=partial)
             name = recording.device(device)
+            cycles, planned = recording.cycles[name], planned_orientations(recording, name)[1]
+            first = max(0, len(cycles) - round(last * recording.rate_hz(name))) if last else 0
+            shown = cycles[first:]
+            begin_ns = int(shown["deadline_ns"][0]) if len(shown) else 0
             plots.draw_recording(
                 path,
-                recording.cycles[name],
-                planned_orientations(recording, name)[1],
+                shown,
+                planned[first:],
                 period=1.0 / recording.rate_hz(name),
-                marks=marks(recording, name),
+                marks=[one for one in marks(recording, name) if one[0] >= begin_ns],
                 title=f"{file.name}: {name}",
             )
             return (recording.damages.describe(),) if recording.damages else ()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import _thread
 import contextlib
+import errno
+import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -83,6 +85,8 @@ def check_output(file: Path, seconds: float | None) -> None:
     check_ending(file, [".mcap"], named="OUT.mcap")
     if file.is_file():
         raise OrientdError(f"cannot write {file}: it is there already")
+    if not file.absolute().parent.is_dir():
+        raise OrientdError(f"cannot write {file}: {os.strerror(errno.ENOENT)}")
     need_extra("record")
 
 

@@ -52,6 +52,7 @@ def track(
     The command skips a bad line and reports it on standard error.  The exit status is 1 if every
     line was bad.
     """
+    from orientd.cli import texts
     from orientd.protocol import orientation, to_quaternion
 
     lines = _Lines(time_to_live)
@@ -63,7 +64,7 @@ def track(
     report.refusal = report.refusal or lines.last
     out.answer(
         report,
-        f"{report.targets} targets followed, {report.left_out} of them late or replaced, "
+        f"{texts.count(report.targets, 'target')} followed, {report.left_out} late or replaced, "
         f"{report.refused} refused",
         f"at rest at {orientation(to_quaternion(report.q))}",
         *([f"held at the keep-out cone {report.held_at!r}"] if report.held_at else []),

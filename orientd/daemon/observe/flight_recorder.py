@@ -89,7 +89,7 @@ class FlightRecorder:
     def start(self) -> None:
         """Wait for faults from now on."""
         if self._settings.seconds and not _is_installed():
-            _log.warning("flight recorder: it is off, it needs the extra `record`")
+            _log.info("flight recorder: it is off, it needs the extra `record`")
         if not self._memories:
             return
         self._thread = threading.Thread(target=self._work, name="flight recorder", daemon=True)

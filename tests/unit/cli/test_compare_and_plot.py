@@ -45,7 +45,7 @@ def test_families_are_compared_as_a_table():
     done = run("compare", STANDARD / "fly_through.yaml")
     assert done.exit_code == 0
     header, *rows = done.stdout.split("\n\n")[0].splitlines()
-    assert header.split()[:3] == ["family", "keyframes", "smooth"]
+    assert header.split()[:3] == ["method", "keyframes", "smooth"]
     assert "torque" not in header
     assert [row.split()[0] for row in rows] == [
         "c2_cumulative",
@@ -157,7 +157,7 @@ def test_all_families_are_drawn_side_by_side(tmp_path):
 def test_a_picture_of_no_known_format_is_refused_at_once(tmp_path):
     pytest.importorskip("matplotlib")
     done = run("compare", STANDARD / "spread.yaml", "--plot", tmp_path / "sheet.gif")
-    assert_refused(done, "must end in .png, .svg, .pdf")
+    assert_refused(done, "must end in .png, .svg, .pdf", status=2)
 
 
 @pytest.mark.parametrize("show", ["motion", "triads", "rates", "body"])

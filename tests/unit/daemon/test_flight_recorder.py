@@ -1,5 +1,6 @@
 """The flight recorder delays no other process, not even the end of the daemon."""
 
+import logging
 import time
 
 import pytest
@@ -55,3 +56,12 @@ def test_an_unexpected_error_is_told_and_later_faults_are_recorded(monkeypatch, 
     recorder.close()
     journal.close()
     assert caplog.text.count("ZeroDivisionError: division by zero") >= 2
+
+
+def test_a_flight_recorder_that_nobody_installed_is_no_warning(monkeypatch, caplog):
+    monkeypatch.setattr(module, "_is_installed", lambda: False)
+    caplog.set_level(logging.INFO)
+    recorder = module.FlightRecorder(config.default_settings(), Journal(), {})
+    recorder.start()
+    (record,) = caplog.records
+    assert (record.levelname, "needs the extra `record`" in record.message) == ("INFO", True)

@@ -4,6 +4,7 @@ Elements are found by their ids in the SVG; no pixels are compared.
 """
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,10 +18,12 @@ pytest.importorskip("matplotlib")
 
 from orientd import plots
 from orientd.plots import gallery
+from orientd.plots.charts import mark_keyframes
 from orientd.plots.paper import new_figure
 from orientd.plots.papers import scenes
 from orientd.plots.papers.figures import FIGURES
 from orientd.plots.papers.sweep import SweptPoses, draw_bodies, draw_sweep, prism
+from orientd.plots.recording import _mark
 from orientd.plots.sampling import traces_of
 from orientd.plots.triads import draw_triads
 from orientd.plots.view import Viewpoint
@@ -254,3 +257,17 @@ def test_many_keyframes_are_drawn(tmp_path):
     turns = np.outer(np.arange(150), [0.02, 0.01, 0.03])
     task = CurveTask(exp(turns), np.arange(150.0))
     assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("squad", task), title="many"))
+
+
+def test_names_of_events_at_one_moment_stand_side_by_side():
+    axes = new_figure(4.0, 3.0, "").subplots()
+    _mark(axes, [(1.0, "FAULT"), (1.0, "stopped"), (5.0, "started")], 10.0, is_named=True)
+    places = [text.xy[0] for text in axes.texts]
+    assert np.all(np.diff(places) > 0.1)
+    assert places[2] == 5.0
+
+
+def test_pictures_count_keyframes_as_errors_do():
+    axes, times = new_figure(4.0, 3.0, "").subplots(), np.array([0.0, 1.0, 2.0])
+    mark_keyframes(axes, SimpleNamespace(times=times, keyframe_times=times), is_numbered=True)
+    assert [text.get_text() for text in axes.texts] == ["0", "1", "2"]

@@ -101,9 +101,15 @@ def test_where_the_device_is_stands_there_in_numbers():
     half = math.sqrt(0.5)
     turned, home = quaternion((half, 0.0, 0.0, half)), quaternion((1.0, 0.0, 0.0, 0.0))
     lines = status(changed(DEVICE, cycle=pb.Cycle(q=turned, feedback_q=home)))
-    assert "Sent w +0.7071 x +0.0000 y +0.0000 z +0.7071" in lines
+    # A line never ends between the name of a component and its number.
+    assert "Sent w_+0.7071 x_+0.0000 y_+0.0000 z_+0.7071" in _shown(lines)
     assert " yaw 90.00° pitch 0.00° roll 0.00° (ZYX)" in lines
-    assert "Measured w +1.0000 x +0.0000 y +0.0000 z +0.0000" in lines
+    assert "Measured w_+1.0000 x_+0.0000 y_+0.0000 z_+0.0000" in _shown(lines)
+    assert [line.partition(" ")[0] for line in lines].count("Measured") == 1
+
+
+def _shown(lines):
+    return [line.replace("\N{NO-BREAK SPACE}", "_") for line in lines]
 
 
 def test_a_daemon_of_a_cell_that_is_gone_or_silent_is_not_told_as_it_was():

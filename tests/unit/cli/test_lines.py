@@ -1,0 +1,123 @@
+"""Single lines of commands that a reader must understand at once."""
+
+import os
+
+import pytest
+from command_line import assert_refused, inside
+from recorded import OFFSET_NS, RATE_HZ, moving
+
+from orientd import plots
+from orientd.cli import texts
+from orientd.cli.commands import doctor
+from orientd.cli.machine import Finding, Verdict
+from orientd.cli.output import Output
+from orientd.protocol import control_pb2 as pb
+from orientd.recorder import RecordingWriter
+
+TWO = "keyframes:\n  - {rotation_vector: [0, 0, 0]}\n  - {rotation_vector: [0, 0, 1]}\n"
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text):
+        path = tmp_path / "motion.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (
+            "keyframes:\n\t- {time: 0}\n",
+            "{}: line 2: not YAML: a tab; YAML is indented with spaces",
+        ),
+        (
+            TWO.replace("rotation_vector", "time: 0, rotation_vector", 1).replace(
+                "- {rotation_vector", "- {time: 1, rotation_vector"
+            )
+            + "duration: 2\n",
+            "{}: duration: the planner then chooses the times; leave out those of the keyframes",
+        ),
+        (TWO + "start_velocity: 1\n", "{}: start_velocity: expected three numbers, got 1"),
+        (
+            TWO.replace("[0, 0, 1]", "[0, 1]"),
+            "{}: keyframes[1].rotation_vector: expected 3 entries, got 2",
+        ),
+    ],
+    ids=["tab", "duration", "velocity", "vector"],
+)
+def test_a_wrong_motion_file_is_named_with_the_cure(written, text, line):
+    path = written(text)
+    assert inside("plan", path).stderr == f"orientd: {line.format(path)}\n"
+
+
+def test_a_misspelt_command_is_answered_with_the_nearest():
+    assert_refused(inside("mvoe"), "no such command 'mvoe'", "did you mean 'move'", status=2)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("plan", "m.yaml", "--plot"),
+        ("plot", "m.yaml", "-o"),
+        ("demo", "-p"),
+        ("compare", "m", "--plot"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_picture_of_no_known_kind_is_a_mistake_of_usage(arguments):
+    assert_refused(inside(*arguments, "picture.foo"), "must end in .png", status=2)
+
+
+def test_a_file_that_cannot_be_read_is_no_mistake_of_usage(tmp_path, monkeypatch):
+    path = tmp_path / "s"
+    path.touch()
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert_refused(inside("status", "--socket", path), f"{path} is not a socket")
+
+
+def test_a_recording_that_cannot_be_written_is_refused_before_it_is_announced(tmp_path):
+    done = inside("record", tmp_path / "none" / "run.mcap")
+    assert_refused(done, "run.mcap: No such file or directory")
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize(("number", "said"), [(1, "1 problem"), (2, "2 problems")])
+def test_the_doctor_counts_in_english(capsys, number, said):
+    doctor._report([Finding("clock", "slow", Verdict.PROBLEM)] * number, Output())
+    assert capsys.readouterr().out.endswith(f"0 ok, 0 to improve, {said}\n")
+
+
+def test_a_shell_without_completion_is_told_which_have_it(monkeypatch):
+    monkeypatch.setenv("SHELL", "")
+    done = inside("--show-completion")
+    assert done.stderr == "orientd: $SHELL: expected one of bash, zsh, fish, got ''\n"
+
+
+def test_end_velocities_that_were_not_asked_for_are_not_told():
+    statistics, plan = pb.MotionStatistics(), pb.Plan()
+    certificate = plan.certificate
+    for name in ("velocity", "acceleration", "jerk"):
+        getattr(certificate, f"peak_{name}").limit = 1.0
+    assert "end velocities" not in str(texts.statistics(statistics, plan))
+    statistics.end_velocity_error = 1e-9
+    lines = texts.statistics(statistics, plan)
+    assert "end velocities       off by 1.0e-09 rad/s at the end" in lines
+
+
+def test_only_the_end_of_a_recording_is_drawn(tmp_path, monkeypatch):
+    path, drawn = tmp_path / "a.mcap", []
+    with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
+        writer.add_device("arm", RATE_HZ)
+        writer.add_configuration("{}", {})
+        writer.add_cycles("arm", moving(1500))
+    monkeypatch.setattr(
+        plots, "draw_recording", lambda _, cycles, q, **__: drawn.append((cycles, q))
+    )
+    for options in ((), ("--last", "1"), ("--last", "60")):
+        assert inside("plot", path, "-o", tmp_path / "a.svg", *options).returncode == 0
+    assert [len(cycles) for cycles, _ in drawn] == [1500, round(RATE_HZ), 1500]
+    assert [len(q) for _, q in drawn] == [1500, round(RATE_HZ), 1500]
