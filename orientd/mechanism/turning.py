@@ -7,7 +7,7 @@ leaves it.  The pole needs no special treatment.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from math import degrees
 
 import numpy as np
@@ -36,53 +36,88 @@ _PARALLEL = 1e-12
 """Square of the sine of the angle below which two vectors are parallel."""
 
 
-def pointed(gimbal: Gimbal, direction: Vector3, axis: str, near: Joints) -> Joints | None:
-    """Return axis angles within the limits that point an axis of the tool in a direction.
+def pointed(
+    gimbal: Gimbal, directions: Sequence[Vector3], axis: str, near: Joints
+) -> list[Joints] | None:
+    """Return axis angles within the limits that point an axis of the tool in directions.
 
-    The roll axis of three axes stays as close to home as the direction allows.  It is the axis
-    along the pointing axis of the tool at home; if none is, the innermost axis.
+    The roll axis of three axes stays as close to home as each direction allows.  It is the axis
+    along the pointing axis of the tool at home; if none is, the innermost axis.  The other two axes
+    stay on one branch, because the tool turns over between the branches: the one with less roll,
+    then the one that turns its inner axis less.
 
     Args:
         gimbal: the gimbal.
-        direction: in the world.
+        directions: in the world.
         axis: of the tool, ``x``, ``y`` or ``z``.
-        near: current axis angles, rad; of several solutions the nearest one counts.
+        near: current axis angles, rad, that decide about whole turns.
 
     Returns:
-        ``None`` if no axis angles within the limits point there.
+        ``None`` if no axis angles of one branch within the limits point there.
     """
     kinematics, home = gimbal.kinematics, gimbal.home()
     points = rotate(np.array(kinematics.tool), np.eye(3)["xyz".index(axis)])
-    aim = rotate(conjugate(np.array(kinematics.mount)), direction)
-    axes = np.eye(3)[list(kinematics.axes)]
-    if len(axes) == 2:
-        pairs = _pointing(axes[0], axes[1], points, aim, near)
-        return _nearest(gimbal, pairs, near)
-    along = np.abs(axes @ points)
-    roll = int(np.flatnonzero(along > 1.0 - _ALONG)[-1]) if along.max() > 1.0 - _ALONG else 2
-    low, high = gimbal.axes[roll].low, gimbal.axes[roll].high
-    steps = home[roll] + np.radians(np.arange(-180.0, 181.0))
+    aims = rotate(conjugate(np.array(kinematics.mount)), np.array(directions))
+    roll: int | None = None
+    if len(gimbal.axes) == 3:
+        along = np.abs(np.eye(3)[list(kinematics.axes)] @ points)
+        is_along = np.flatnonzero(along > 1.0 - _ALONG)
+        roll = int(is_along[-1]) if len(is_along) else 2
+    inner = max(place for place in range(len(gimbal.axes)) if place != roll)
+    chains: list[tuple[float, float, list[Joints]]] = []
+    for branch in (0, 1):
+        chain, last = [], near
+        for aim in aims:
+            found = _pointed(gimbal, points, aim, last, roll, branch)
+            if found is None:
+                break
+            chain.append(last := found)
+        else:
+            rolled = 0.0 if roll is None else max(abs(one[roll] - home[roll]) for one in chain)
+            chains.append((rolled, max(abs(one[inner] - home[inner]) for one in chain), chain))
+    return min(chains)[2] if chains else None
+
+
+def _pointed(
+    gimbal: Gimbal, points: Floats, aim: Floats, near: Joints, roll: int | None, branch: int
+) -> Joints | None:
+    """Return axis angles on a branch that turn *points* to *aim*, with the least roll, rad.
+
+    Args:
+        gimbal: the gimbal.
+        points: unit vector at home.
+        aim: unit vector.
+        near: axis angles that decide about whole turns, rad.
+        roll: place of the roll axis; ``None`` for two axes.
+        branch: of the other two axes, 0 or 1.
+    """
+    axes = np.eye(3)[list(gimbal.kinematics.axes)]
+    if roll is None:
+        pair = _pointing(axes[0], axes[1], points, aim, near, branch)
+        return None if pair is None else inside(gimbal.axes, pair, near)
+    home, (low, high) = gimbal.home()[roll], (gimbal.axes[roll].low, gimbal.axes[roll].high)
+    steps = home + np.radians(np.arange(-180.0, 181.0))
     rolls = np.concatenate([steps[(steps > low) & (steps < high)], [low, high]])
     outer, inner = (place for place in range(3) if place != roll)
-    others = (near[outer], near[inner])
-    for angle in sorted(rolls.tolist(), key=lambda one: abs(one - home[roll])):
+    for angle in sorted(rolls.tolist(), key=lambda one: abs(one - home)):
         # The roll turns the tool, and the axes inside of it.
         turn = exp(angle * axes[roll])
         one, two = (rotate(turn, axes[m]) if m > roll else axes[m] for m in (outer, inner))
-        pairs = _pointing(one, two, rotate(turn, points), aim, others)
-        found = _nearest(gimbal, [(*p[:roll], angle, *p[roll:]) for p in pairs], near)
-        if found is not None:
-            return found
+        pair = _pointing(one, two, rotate(turn, points), aim, (near[outer], near[inner]), branch)
+        if pair is not None:
+            found = inside(gimbal.axes, (*pair[:roll], angle, *pair[roll:]), near)
+            if found is not None:
+                return found
     return None
 
 
 def _pointing(
-    outer: Floats, inner: Floats, points: Floats, aim: Floats, near: Joints
-) -> list[Joints]:
+    outer: Floats, inner: Floats, points: Floats, aim: Floats, near: Joints, branch: int
+) -> Joints | None:
     """Return the angles about two axes that turn one unit vector into another, rad.
 
-    The inner turn takes *points* to a vector that the outer turn takes to *aim*: two vectors are at
-    the right angles to both axes.
+    The inner turn takes *points* to a vector that the outer turn takes to *aim*.  Two vectors are
+    at the right angles to both axes, one for each branch.
 
     Args:
         outer: the outer axis.
@@ -90,21 +125,20 @@ def _pointing(
         points: the vector to turn.
         aim: the vector to turn it to.
         near: angles to keep if any angle will do.
+        branch: 0 or 1.
     """
     cosine, across = float(outer @ inner), np.cross(outer, inner)
     square = float(across @ across)
     if square < _PARALLEL:
-        return []
+        return None
     a = (float(outer @ aim) - cosine * float(inner @ points)) / square
     b = (float(inner @ points) - cosine * float(outer @ aim)) / square
     rest = (1.0 - a * a - b * b - 2.0 * a * b * cosine) / square
     if rest < -_PARALLEL:
-        return []
-    aside = math.sqrt(max(rest, 0.0))
-    between = [a * outer + b * inner + sign * aside * across for sign in (1.0, -1.0)]
-    return [
-        (_turned(outer, one, aim, near[0]), _turned(inner, points, one, near[1])) for one in between
-    ]
+        return None
+    aside = math.copysign(math.sqrt(max(rest, 0.0)), 0.5 - branch)
+    between = a * outer + b * inner + aside * across
+    return _turned(outer, between, aim, near[0]), _turned(inner, points, between, near[1])
 
 
 def _turned(axis: Floats, begin: Floats, end: Floats, near: float) -> float:
@@ -112,13 +146,6 @@ def _turned(axis: Floats, begin: Floats, end: Floats, near: float) -> float:
     sine = float(axis @ np.cross(begin, end))
     cosine = float(begin @ end) - float(axis @ begin) * float(axis @ end)
     return math.atan2(sine, cosine) if math.hypot(sine, cosine) > _PARALLEL else near
-
-
-def _nearest(gimbal: Gimbal, branches: Iterable[Joints], near: Joints) -> Joints | None:
-    """Return the axis angles within the limits that are nearest to *near*, rad."""
-    found = [inside(gimbal.axes, branch, near) for branch in branches]
-    within = [one for one in found if one is not None]
-    return min(within, key=lambda one: _travel(near, one), default=None)
 
 
 def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:

@@ -346,16 +346,16 @@ def _with_roll_of_axes(request: MotionRequest, fitting: Fitting) -> MotionReques
     mechanism = fitting.mechanism
     if not isinstance(mechanism, Gimbal) or mechanism.is_pointing:
         return None
-    if not any(keyframe.free_roll for keyframe in request.keyframes):
+    free = [k for k, keyframe in enumerate(request.keyframes) if keyframe.free_roll]
+    if not free:
         return None
-    keyframes, joints = [], fitting.joints or mechanism.home()
-    for keyframe in request.keyframes:
-        if keyframe.free_roll:
-            x, y, z = rotate(np.array(keyframe.q), np.eye(3)[0]).tolist()
-            found = pointed(mechanism, (x, y, z), request.pointing_axis, joints)
-            if found is None:
-                return None
-            keyframe = replace(keyframe, q=mechanism.orientation(found), free_roll=False)
-            joints = found
-        keyframes.append(keyframe)
+    directions = rotate(request.keys[free], np.eye(3)[0]).tolist()
+    joints = fitting.joints or mechanism.home()
+    found = pointed(mechanism, directions, request.pointing_axis, joints)
+    if found is None:
+        return None
+    keyframes = list(request.keyframes)
+    for index, angles in zip(free, found, strict=True):
+        q = mechanism.orientation(angles)
+        keyframes[index] = replace(keyframes[index], q=q, free_roll=False)
     return replace(request, keyframes=keyframes)

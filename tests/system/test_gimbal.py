@@ -45,6 +45,15 @@ def test_three_commands_turn_an_emulated_gimbal(bus, daemon):
         assert abs(state["position"] - state["goal"]) <= 12
 
 
+def test_a_turn_without_a_duration_ends_near_the_end_of_a_range(bus, tmp_path):
+    daemon = GimbalDaemon(tmp_path, bus.link, ("[-270, 270]", "[-80, 80]")).start()
+    await_hold(daemon, "gimbal")
+    done = orientd("turn", "--rate", 0.5, "--socket", daemon.socket)
+    assert_refused(done, "the turn could not continue", "angle of yaw", "the limit is 1.39626 rad")
+    assert ticks(60) < bus.state(1)["goal"] <= ticks(80)
+    daemon.end()
+
+
 WIDE = (
     ("limits_deg = [-100, 100]", "limits_deg = [-200, 200]"),
     ("limits_deg = [-120, 120]", "limits_deg = [-200, 200]"),
