@@ -107,18 +107,22 @@ def write(folder, content):
 
 @each
 def test_a_plan_of_a_bad_file_is_refused(tmp_path, bad, line):
-    result = inside("plan", write(tmp_path, bad))
+    path = write(tmp_path, bad)
+    result = inside("plan", path)
     assert (result.returncode, result.stdout) == (1, "")
-    assert result.stderr.startswith(f"orientd: {line}")
+    # What the file says wrongly is said with its name; what cannot be planned is not.
+    message = result.stderr.removeprefix("orientd: ")
+    assert message.removeprefix(f"{path}: ").startswith(line)
     assert result.stderr.count("\n") == 1
 
 
 @each
 def test_a_move_of_a_bad_file_is_refused(daemon, tmp_path, bad, line):
-    result = inside("move", write(tmp_path, bad), "--socket", daemon.socket, "--json")
+    path = write(tmp_path, bad)
+    result = inside("move", path, "--socket", daemon.socket, "--json")
     assert (result.returncode, result.stdout) == (1, "")
     error = json.loads(result.stderr)["error"]
-    assert error["message"].startswith(line)
+    assert error["message"].removeprefix(f"{path}: ").startswith(line)
     assert error.get("field", "") == (line.split(":")[0] if error["kind"] == "RequestError" else "")
 
 
@@ -252,7 +256,8 @@ def test_a_single_keyframe_is_no_curve(tmp_path, command):
 
 
 def test_a_picture_that_cannot_be_drawn_is_refused_before_anything_moves(tmp_path):
-    assert_refused(inside("demo", "--plot", tmp_path / "demo.txt"), ".png", "got 'demo.txt'")
+    named = inside("demo", "--plot", tmp_path / "demo.txt")
+    assert_refused(named, ".png", "got 'demo.txt'", status=2)
     assert_refused(inside("demo", "--plot", tmp_path / "none/demo.png"), "cannot write")
 
 

@@ -51,6 +51,7 @@ class FakeDevice:
         self.number = 0
         self.published = [cycle()]
         self.is_free = False
+        self.last_ended = None
 
     def snapshot(self):
         return DeviceSnapshot(

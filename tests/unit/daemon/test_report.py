@@ -152,6 +152,19 @@ def test_a_motion_is_told_by_its_name(device, motion):
     assert (told.motion_name, told.motion_id) == ("fetch", facts.id)
 
 
+def test_the_motion_that_ended_last_is_told_with_its_end(device, motion):
+    queued = QueuedMotion(SimpleNamespace(facts=replace(motion.facts, name="fetch")), number=3)
+    queued.reached = 0.25
+    queued.ended.set_result((pb.OUTCOME_STOPPED, "stopped by ana"))
+    assert not report.device_report(device).HasField("ended")
+    device.last_ended = queued
+    told = report.device_report(device).ended
+    assert (told.motion_number, told.name, told.outcome) == (3, "fetch", pb.OUTCOME_STOPPED)
+    assert (told.text, told.path_time, told.duration) == (
+        "stopped by ana", 0.25, motion.facts.duration,
+    )  # fmt: skip
+
+
 def test_every_method_says_what_it_is():
     for method in reporting.known_methods():
         assert method.summary
