@@ -97,7 +97,7 @@ def mark_keyframes(axes: Axes, traces: Traces, *, is_numbered: bool = False) -> 
     if len(traces.keyframe_times) > MOST_KEYFRAMES:
         return
     least, written = 0.03 * (end - begin), -np.inf
-    for number, time in enumerate(traces.keyframe_times.tolist()):
+    for number, time in enumerate(traces.keyframe_times.tolist(), start=1):
         axes.axvline(time, color="#bbbbbb", linewidth=0.7, zorder=0.5)
         if is_numbered and time - written >= least:
             axes.annotate(

@@ -4,7 +4,6 @@ Elements are found by their ids in the SVG; no pixels are compared.
 """
 
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ pytest.importorskip("matplotlib")
 
 from orientd import plots
 from orientd.plots import gallery
-from orientd.plots.charts import mark_keyframes
 from orientd.plots.paper import new_figure
 from orientd.plots.papers import scenes
 from orientd.plots.papers.figures import FIGURES
@@ -265,9 +263,3 @@ def test_names_of_events_at_one_moment_stand_side_by_side():
     places = [text.xy[0] for text in axes.texts]
     assert np.all(np.diff(places) > 0.1)
     assert places[2] == 5.0
-
-
-def test_pictures_count_keyframes_as_errors_do():
-    axes, times = new_figure(4.0, 3.0, "").subplots(), np.array([0.0, 1.0, 2.0])
-    mark_keyframes(axes, SimpleNamespace(times=times, keyframe_times=times), is_numbered=True)
-    assert [text.get_text() for text in axes.texts] == ["0", "1", "2"]
