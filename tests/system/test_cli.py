@@ -172,7 +172,7 @@ def test_a_plan_can_be_drawn(motion, tmp_path):
     assert inside("plan", motion, "--plot", path).returncode == 0
     assert path.read_bytes().startswith(b"\x89PNG")
     done = inside("plan", motion, "--plot", tmp_path / "plan.nonsense")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
 
 
