@@ -220,6 +220,7 @@ def test_a_page_of_which_anything_stands_still_never_says_ready(daemon, view, pa
 def test_the_page_says_when_the_daemon_is_gone_and_when_it_is_back(daemon, page):
     assert daemon.end() == 0
     page.get_by_text("Not connected").wait_for()
+    page.get_by_text("Last measured").wait_for(state="hidden")
     daemon.start()
     page.get_by_text("Not connected").wait_for(state="detached")
     page.get_by_text("Holding").wait_for()
