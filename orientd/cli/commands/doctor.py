@@ -16,6 +16,7 @@ from orientd.cli.output import Output, table, working
 from orientd.cli.parameters import Option
 from orientd.driver import Finding, Verdict
 from orientd.errors import ConfigError, OrientdError
+from orientd.one_line import counted
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings, Settings
@@ -132,8 +133,6 @@ def latency_finding(device: DeviceSettings) -> Finding:
 
 
 def _report(found: list[Finding], out: Output) -> None:
-    from orientd.cli.texts import count as plural
-
     count = {verdict: sum(one.verdict is verdict for one in found) for verdict in Verdict}
     rows = [[one.verdict.value, one.name, one.found] for one in found]
     out.answer(
@@ -142,5 +141,5 @@ def _report(found: list[Finding], out: Output) -> None:
         "",
         *(f"{one.name}: {one.mend}" for one in found if one.mend),
         f"{count[Verdict.OK]} ok, {count[Verdict.IMPROVE]} to improve, "
-        f"{plural(count[Verdict.PROBLEM], 'problem')}",
+        f"{counted(count[Verdict.PROBLEM], 'problem')}",
     )

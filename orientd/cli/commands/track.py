@@ -15,7 +15,7 @@ import click
 from orientd.cli.command import Commander
 from orientd.cli.output import Output
 from orientd.cli.parameters import Option
-from orientd.one_line import one_line
+from orientd.one_line import counted, one_line
 from orientd.spelling import unknown_key
 
 if TYPE_CHECKING:
@@ -52,7 +52,6 @@ def track(
     The command skips a bad line and reports it on standard error.  The exit status is 1 if every
     line was bad.
     """
-    from orientd.cli import texts
     from orientd.protocol import orientation, to_quaternion
 
     lines = _Lines(time_to_live)
@@ -64,7 +63,7 @@ def track(
     report.refusal = report.refusal or lines.last
     out.answer(
         report,
-        f"{texts.count(report.targets, 'target')} followed, {report.left_out} late or replaced, "
+        f"{counted(report.targets, 'target')} followed, {report.left_out} late or replaced, "
         f"{report.refused} refused",
         f"at rest at {orientation(to_quaternion(report.q))}",
         *([f"held at the keep-out cone {report.held_at!r}"] if report.held_at else []),
