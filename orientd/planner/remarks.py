@@ -29,6 +29,7 @@ note."""
 
 _MUCH = 0.9  # of a limit, and of the longest stop
 _LITTLE = 0.5  # of a limit
+_STILL = 1e-6  # of a limit: rounding
 
 
 def remarked(motion: Motion) -> Motion:
@@ -90,7 +91,7 @@ def _on_limits(motion: Motion) -> list[str]:
         "acceleration of the position": found.peak_linear_acceleration,
     }
     is_free = request.is_quickest and request.total is None
-    if not is_free or found.peak_linear_velocity.value <= 0.0:
+    if not is_free:
         return []
     for ruling, others, slowed in (
         (turns, moves, "the position moves"),
@@ -98,7 +99,7 @@ def _on_limits(motion: Motion) -> list[str]:
     ):
         most = next(iter(others.values()))
         name, peak = max(ruling.items(), key=lambda entry: entry[1].ratio)
-        is_slowed = max(map(_ratio, others.values())) < _MUCH and most.ratio < _LITTLE
+        is_slowed = max(map(_ratio, others.values())) < _MUCH and _STILL < most.ratio < _LITTLE
         if peak.ratio > _MUCH and is_slowed and math.isfinite(most.limit):
             unit = UNITS["velocity" if others is turns else "linear_velocity"]
             return [

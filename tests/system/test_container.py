@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import subprocess
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -57,8 +58,10 @@ class Image:
 
 
 @pytest.fixture
-def image(tmp_path):
-    return Image(tmp_path)
+def image():
+    """An image in a folder of a short name: the path of a socket has at most 107 bytes."""
+    with tempfile.TemporaryDirectory(prefix="orientd-") as folder:
+        yield Image(Path(folder))
 
 
 def test_the_daemon_of_the_image_reads_the_configuration_that_is_mounted(image):

@@ -127,7 +127,12 @@ def test_a_stop_between_two_motions_stops_only_the_second_one(link):
     motion_queue.append(following, SplicePoint(1, first.rest_record))
     place = first.last_record + 1
     link.now = SimpleNamespace(
-        motion=1, path_index=place, state=ServoState.HOLDING, flags=0, index=place
+        motion=1,
+        path_index=place,
+        path_fraction=0.0,
+        state=ServoState.HOLDING,
+        flags=0,
+        index=place,
     )
     motion_queue.tend()
     assert told == [(EventKind.MOTION_DONE, 1), (EventKind.MOTION_STOPPED, 2)]

@@ -4,7 +4,7 @@ from itertools import islice
 
 import pytest
 from bench.following_judge import judged
-from bench.requests import blends, chains
+from bench.random_requests import blends, chains
 
 
 @pytest.mark.parametrize("requests", [blends, chains])

@@ -320,7 +320,7 @@ def test_a_curve_of_an_odd_shape_is_planned_nevertheless():
 
 
 def test_times_and_a_minimum_duration_are_refused_together():
-    with pytest.raises(RequestError, match="leaves the times to the planner") as caught:
+    with pytest.raises(RequestError, match="the planner then chooses the times") as caught:
         MotionRequest([Keyframe(HERE, 0.0), Keyframe(about_z(1.0), 1.0)], duration="minimum")
     assert caught.value.field == "duration"
     with pytest.raises(RequestError, match="expected 'minimum' or seconds, got the text 'least'"):

@@ -46,6 +46,11 @@ def test_no_limit_sets_a_requested_speed(fields):
     assert ruling(planned(3.0, 0.3, **fields)) == []
 
 
+@pytest.mark.parametrize(("turn", "distance"), [(0.0, 3.0), (1e-14, 3.0), (3.0, 0.0)])
+def test_what_does_not_move_is_not_slowed(turn, distance):
+    assert ruling(planned(turn, distance)) == []
+
+
 def test_motions_where_both_are_about_as_fast_have_no_note():
     assert ruling(planned(2.5, 1.0)) == []
 
