@@ -8,7 +8,6 @@ if TYPE_CHECKING:
 
     from orientd import curves
     from orientd.client.robot import connect
-    from orientd.client.satellite_pass import satellite_pass
     from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
     from orientd.planner.saved import load_motion
@@ -26,7 +25,6 @@ __all__ = [
     "load_motion",
     "plan",
     "samples",
-    "satellite_pass",
     "word",
 ]
 
@@ -42,9 +40,11 @@ _HOMES = {
     "load_motion": "orientd.planner.saved:load_motion",
     "plan": "orientd.planner.offline:plan_offline",
     "samples": "orientd.protocol.reports:samples",
-    "satellite_pass": "orientd.client.satellite_pass:satellite_pass",
     "word": "orientd.protocol.reports:word",
 }
+
+_MOVED = {"satellite_pass": "orientd_rotctld.satellite_pass"}
+"""Names of version 0.2 and where they are now."""
 
 
 def __dir__() -> list[str]:
@@ -52,6 +52,9 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for
+    if name in _MOVED:
+        # `from orientd import` hides the message of an AttributeError.
+        raise ImportError(f"orientd.{name} is now {_MOVED[name]}")
     if name not in _HOMES:
         raise AttributeError(f"module 'orientd' has no attribute {name!r}")
     from pkgutil import resolve_name

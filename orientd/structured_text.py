@@ -20,10 +20,9 @@ from typing import Any
 
 import yaml
 
-from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import RequestError
+from orientd.files import MEBIBYTE, read_bounded, written
 from orientd.model import joined
-from orientd.whole_file import written
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

@@ -29,7 +29,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 for folder in (
     "unit/servo",
     "unit/servo/tracking",
-    "unit/adapters",
+    "unit/rotctld",
     "unit/client",
     "unit/daemon",
     "unit/curves",

@@ -89,7 +89,7 @@ def options(group: Any, name: str = "") -> Iterator[tuple[str, tuple[str, ...]]]
         command = group.get_command(context, word)
         if command.hidden:
             continue
-        if getattr(command, "commands", None):
+        if isinstance(command, click.Group):
             yield from options(command, f"{name}{word} ")
             if not command.invoke_without_command:
                 continue

@@ -34,7 +34,7 @@ def main() -> None:
         print(f"{compiler} has no address sanitizer: nothing was tried")
         return
     shutil.rmtree(COPY, ignore_errors=True)
-    for folder in ("orientd", "drivers", "sim", "tests", "config"):
+    for folder in ("orientd", "adapters", "drivers", "sim", "tests", "config"):
         ignored = shutil.ignore_patterns("*.so", "__pycache__")
         shutil.copytree(ROOT / folder, COPY / folder, ignore=ignored)
     shutil.copy(ROOT / "pyproject.toml", COPY)

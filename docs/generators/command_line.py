@@ -49,9 +49,9 @@ def _command(command: Any, above: Any, name: str, *, level: int) -> Iterator[str
     rows = list(_rows(command, context))
     if rows:
         yield from ("| argument or option | meaning |", "|---|---|", *rows, "")
-    for inner in getattr(command, "commands", ()):
+    for inner in command.list_commands(context) if isinstance(command, click.Group) else ():
         yield f"{'#' * level} `orientd {name} {inner}`\n"
-        yield from _command(command.commands[inner], context, inner, level=level + 1)
+        yield from _command(command.get_command(context, inner), context, inner, level=level + 1)
 
 
 def _rows(command: Any, context: Any) -> Iterator[str]:  # noqa: ANN401 - Click's

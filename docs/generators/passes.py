@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-import orientd
 from orientd import config
 from orientd.planner import Motion
 from orientd.plots.paper import new_figure, save
 from orientd.rotation import Floats, rotate
+from orientd_rotctld import satellite_pass
 
 PAGE = Path("how-to/satellite-pass.md")
 RATE = 0.6  # degrees/s, of a low orbit at its highest point
@@ -54,7 +54,7 @@ def angles(times: Floats, miss: float, heading: float) -> tuple[Floats, Floats]:
 def planned(sky: Sky, table: str) -> tuple[Motion, Floats, Floats]:
     """Return the plan of a pass, its times, and the error at them in degrees."""
     whole = np.arange(0.0, 241.0)
-    request = orientd.satellite_pass(whole, *angles(whole, sky.miss, sky.heading))
+    request = satellite_pass(whole, *angles(whole, sky.miss, sky.heading))
     content = tomllib.loads(table)
     content["devices"]["antenna"]["options"]["axes"][0]["limits_deg"] = list(sky.azimuth)
     settings = config.parse(content, source="the guide").devices["antenna"]

@@ -17,7 +17,7 @@ from orientd.errors import OrientdError
 FRONTS = {
     "orientd": "What most programs need.",
     "orientd.client": "What `orientd.connect` returns; its calls return messages of the protocol.",
-    "orientd.adapters": "Devices for programs of other systems.",
+    "orientd_bluesky": "Devices for programs of other systems.",
     "orientd.protocol": "What turns the messages of the protocol into values and back.",
     "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
     "orientd.planner": "From a request to an immutable motion with its certificate.",
@@ -41,7 +41,7 @@ CHOSEN = {
         "RequestFields",
         "Observer",
     ],
-    "orientd.adapters": ["RotationAxis", "FlyScan", "MotionStatus"],
+    "orientd_bluesky": ["RotationAxis", "FlyScan", "MotionStatus"],
     "orientd.protocol": [
         "CellReport",
         "Samples",

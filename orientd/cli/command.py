@@ -72,6 +72,8 @@ ConfigFile = Annotated[
         "one loopback device.",
     ),
 ]
+Host = Annotated[str, Option(help="Address to listen on; the default admits only this machine.")]
+Port = Annotated[int, Option(range=(0, 65535), help="Port to listen on; 0 for any.")]
 Beside = Annotated[
     bool,
     Option("--lease", help="Share the lease that your command in another terminal holds."),

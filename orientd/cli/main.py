@@ -18,9 +18,10 @@ from typing import Annotated, Any
 import click
 
 import orientd
+from orientd.cli.installed import OpenGroup
 from orientd.cli.interrupts import ignore, interrupt_at
 from orientd.cli.output import Output, complain, plain
-from orientd.cli.parameters import Group, Option, command_of
+from orientd.cli.parameters import Option, command_of
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.one_line import one_line
 
@@ -30,7 +31,6 @@ _MODULES = {
     "motion_commands": "plan move home turn",
     "track": "track",
     "teach": "teach",
-    "batch": "batch",
     "compare": "compare",
     "plot": "plot",
     "record": "record export",
@@ -39,7 +39,6 @@ _MODULES = {
     "doctor": "doctor",
     "view": "view",
     "bench": "bench",
-    "serve": "serve",
     "sim": "sim",
     "service": "service",
     "access_commands": "lease audit",
@@ -68,30 +67,28 @@ class SignalError(OrientdError):
         self.number = number
 
 
-class Commands(Group):
+class Commands(OpenGroup):
     """The group of all commands.
 
     It loads only the requested command, since all of them take 140 ms longer.  An error is one line
     on standard error, or one JSON object with ``--json``.
     """
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of the commands, in the order of the help."""
-        del ctx
-        return list(_HOMES)
+    prefix = ""
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return the command of that name, or ``None``."""
-        del ctx
-        if cmd_name not in _HOMES:
-            return None
-        found = getattr(import_module(f"orientd.cli.commands.{_HOMES[cmd_name]}"), cmd_name)
+    def own(self) -> dict[str, Any]:
+        """See :meth:`.OpenGroup.own`."""
+        return _HOMES
+
+    def own_command(self, name: str) -> click.Command:
+        """See :meth:`.OpenGroup.own_command`."""
+        found = getattr(import_module(f"orientd.cli.commands.{_HOMES[name]}"), name)
         if isinstance(found, click.Command):
             return found
         # A negative speed is a wrong speed, not an option.
-        is_lax = cmd_name == "speed"
+        is_lax = name == "speed"
         return command_of(
-            click.Command, found, name=cmd_name, context_settings={"ignore_unknown_options": is_lax}
+            click.Command, found, name=name, context_settings={"ignore_unknown_options": is_lax}
         )
 
     def resolve_command(
@@ -101,7 +98,9 @@ class Commands(Group):
         try:
             return super().resolve_command(ctx, args)
         except click.NoSuchCommand as error:
-            raise click.NoSuchCommand(error.command_name, possibilities=_HOMES, ctx=ctx) from None
+            raise click.NoSuchCommand(
+                error.command_name, possibilities=self.list_commands(ctx), ctx=ctx
+            ) from None
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - what Click returns
         """Run the command of the command line; Ctrl-C is an error like others.

@@ -92,6 +92,11 @@ def command_of(kind: type[Kind], run: Callable[..., None], **settings: Any) -> K
     return kind(params=parameters, callback=call, **settings)
 
 
+def command(run: Callable[..., None]) -> click.Command:
+    """Make the decorated function a command, for the group `orientd.commands` of entry points."""
+    return command_of(click.Command, run)
+
+
 def part_of(group: click.Group, **settings: Any) -> Callable[[Run], Run]:  # noqa: ANN401 - Click's
     """Make the decorated function a command of *group*."""
 

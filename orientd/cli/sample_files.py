@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from orientd.cli.output import plain
+from orientd.files import written
 from orientd.protocol import Samples
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import Floats
-from orientd.whole_file import written
 
 ENDINGS = (".csv", ".npz", ".json")
 

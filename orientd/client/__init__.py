@@ -1,4 +1,7 @@
-"""The Python client: connect to a daemon, and command and watch its devices."""
+"""The Python client: connect to a daemon, and command and watch its devices.
+
+For packages that make motion requests of their own: ``motion_request``.
+"""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orientd import first_stop
-from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.client.trust import check_socket
 from orientd.errors import DaemonError
+from orientd.files import MEBIBYTE, read_bounded
 
 if TYPE_CHECKING:
     import grpc

@@ -23,8 +23,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PlainSerializer
 
-from orientd.bounded_file import MEBIBYTE
 from orientd.config.table import Positive, SomePath, Table, checked
+from orientd.files import MEBIBYTE
 
 
 class Role(IntEnum):

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.config.devices import FIRST_PHASE, DeviceSettings
 from orientd.config.fleet import FleetSettings
 from orientd.config.operation import (
@@ -26,6 +25,7 @@ from orientd.config.operation import (
 )
 from orientd.config.table import Table
 from orientd.errors import ConfigError, RequestError
+from orientd.files import MEBIBYTE, read_bounded
 from orientd.one_line import one_line
 
 _log = logging.getLogger(__name__)

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError
+from orientd.files import check_regular
 from orientd.mechanism import Figure, Loss
 from orientd.model import Keyframe, Limits, MotionRequest, read_cones
 from orientd.planner.certify import Certificate, Peak

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from orientd.errors import OrientdError
-from orientd.whole_file import written
+from orientd.files import written
 
 FORMAT = "orientd motion"
 VERSION = 1

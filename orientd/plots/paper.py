@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from orientd.errors import OrientdError
-from orientd.whole_file import written
+from orientd.files import written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.errors import OrientdError
+from orientd.files import MEBIBYTE, check_regular
 from orientd.recorder.mcap_records import Damages
 from orientd.recorder.writer import RecordingError
 

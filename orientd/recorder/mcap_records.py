@@ -36,7 +36,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 from zstandard import get_frame_parameters
 
-from orientd.bounded_file import MEBIBYTE, check_regular
+from orientd.files import MEBIBYTE, check_regular
 from orientd.one_line import counted
 from orientd.recorder.writer import RecordingError
 

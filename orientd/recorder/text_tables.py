@@ -20,7 +20,7 @@ from typing import TextIO
 
 import numpy as np
 
-from orientd.bounded_file import MEBIBYTE, check_regular
+from orientd.files import MEBIBYTE, check_regular
 from orientd.one_line import counted, one_line
 from orientd.recorder.samples import NO_TIME, Samples
 from orientd.recorder.writer import RecordingError

@@ -10,6 +10,7 @@ from orientd.model import DEFAULT_LIMITS
 from orientd.planner import DevicePlanner, State
 from orientd.rotation import rotate
 from orientd_dynamixel import DynamixelDriver
+from orientd_rotctld import satellite_pass
 
 sky = pytest.importorskip("reference.sky", reason="needs sgp4", exc_type=ImportError)
 
@@ -49,7 +50,7 @@ def test_fifty_passes_lose_hardly_more_than_the_least_time():
     for number, one in enumerate(sky.passes(50)):
         turns, speed = TURNS[rng.integers(3)], SPEEDS[rng.integers(6)]
         heights = HEIGHTS[int(number % 4 == 0)]
-        request = orientd.satellite_pass(one.times, one.azimuth, one.elevation)
+        request = satellite_pass(one.times, one.azimuth, one.elevation)
         motion = planned(rotator(turns, heights, speed), request)
         lost = sum(loss.end - loss.start for loss in motion.certificate.losses)
         plain = orientd.plan(request, period=PERIOD)

@@ -81,7 +81,7 @@ def test_the_readme_is_short_and_says_what_it_must():
 def test_nothing_tells_anybody_to_install_somebody_elses_package():
     root = DOCS.parent
     files = [root / "README.md", root / "Makefile", *DOCS.rglob("*.md")]
-    for folder in ("orientd", "drivers", "sim", "tests", "examples"):
+    for folder in ("orientd", "adapters", "drivers", "sim", "tests", "examples"):
         files += (root / folder).rglob("*.py")
     for file in files:
         if file != Path(__file__):

@@ -11,9 +11,9 @@ from gimbal_bench import GimbalDaemon, await_hold
 from harness import CycleLog, DaemonProcess, until
 
 from orientd import connect
-from orientd.adapters import FlyScan, RotationAxis
 from orientd.errors import DaemonError, LimitError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
+from orientd_bluesky import FlyScan, RotationAxis
 
 event_model = pytest.importorskip("event_model")
 bluesky = pytest.importorskip("bluesky")

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 def tree(tmp_path_factory):
     """A copy of the source tree of which a kernel has been edited."""
     root = tmp_path_factory.mktemp("tree")
-    for name in ("orientd", "drivers", "sim"):
+    for name in ("orientd", "adapters", "drivers", "sim"):
         shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
     with (root / "orientd" / "kernels" / "c" / "brake.c").open("a") as source:
         source.write("/* edited */\n")
@@ -29,7 +29,7 @@ def tree(tmp_path_factory):
 
 
 def run(tree, *command, **more):
-    path = os.pathsep.join(str(tree / name) for name in (".", "drivers", "sim"))
+    path = os.pathsep.join(str(tree / name) for name in (".", "adapters", "drivers", "sim"))
     return subprocess.run(
         command, cwd=tree, env=environment(PYTHONPATH=path, **more), capture_output=True, text=True
     )

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from orientd import bounded_file
-from orientd.bounded_file import read_bounded
+from orientd import files
+from orientd.files import read_bounded
 
 
 def test_a_device_without_end_is_refused(tmp_path):
@@ -26,7 +26,7 @@ def test_a_file_may_be_as_large_as_is_said_and_no_larger(tmp_path):
 
 
 def test_a_pipe_that_nobody_writes_to_is_given_up(tmp_path, monkeypatch):
-    monkeypatch.setattr(bounded_file, "SILENCE", 0.05)
+    monkeypatch.setattr(files, "SILENCE", 0.05)
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OSError, match="nothing came through"):
         read_bounded(tmp_path / "pipe", 1000)

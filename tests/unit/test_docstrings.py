@@ -11,7 +11,7 @@ from orientd.curves.contract import SHARED
 ROOT = Path(__file__).parents[2]
 FILES = sorted(
     path
-    for folder in ("orientd", "drivers", "sim")
+    for folder in ("orientd", "adapters", "drivers", "sim")
     for path in (ROOT / folder).rglob("*.py")
     if not path.stem.endswith("_pb2")
 )
@@ -46,7 +46,7 @@ def listed(docstring):
             yield from (name.strip("`* ") for name in re.split(r",\s*|\s+and\s+", names))
 
 
-@pytest.mark.parametrize("folder", ["orientd", "drivers", "sim"])
+@pytest.mark.parametrize("folder", ["orientd", "adapters", "drivers", "sim"])
 def test_what_a_docstring_lists_is_there(folder):
     wrong, count = [], 0
     for path in FILES:

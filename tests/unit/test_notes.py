@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import orientd
-from orientd.batch import open_requests
 from orientd.cli import texts
 from orientd.client.motion_request import motion_request
 from orientd.errors import RequestError
@@ -20,6 +19,7 @@ from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import from_request, target_from_message, to_request
 from orientd.rotation import angle, from_euler, normalize
+from orientd_batch import open_requests
 
 CASES = int(os.environ.get("ORIENTD_CASES", "30"))
 FIRST = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from orientd.cli.command import need_extra
+from orientd.cli.command import Host, Port, need_extra
 from orientd.cli.commands.record import (
     OutFile,
     Scalars,
@@ -20,7 +20,7 @@ from orientd.cli.commands.record import (
     tell,
     tell_scalars,
 )
-from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
+from orientd.cli.commands.view import PORT, Dark, NoOpen, serve_page
 from orientd.cli.output import Output, is_terminal, table
 from orientd.cli.parameters import Argument, Group, Option, part_of
 from orientd.errors import DaemonError, OrientdError

@@ -8,7 +8,7 @@ import threading
 import webbrowser
 from typing import TYPE_CHECKING, Annotated
 
-from orientd.cli.command import Beside, Endpoint, need_extra
+from orientd.cli.command import Beside, Endpoint, Host, Port, need_extra
 from orientd.cli.output import Output
 from orientd.cli.parameters import Option
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 PORT = 8080
 
-Port = Annotated[int, Option(range=(0, 65535), help="Port to listen on; 0 for any.")]
-Host = Annotated[str, Option(help="Address to listen on; the default admits only this machine.")]
 NoOpen = Annotated[bool, Option("--no-open", help="Do not open a browser.")]
 Dark = Annotated[bool, Option("--dark", help="Use dark colours.")]
 

@@ -14,12 +14,12 @@ from click.testing import CliRunner
 from pyarrow import csv, parquet
 
 from orientd import motion_file, planner
-from orientd.batch import Batch, batch, open_requests
-from orientd.batch.rows import RECORD
 from orientd.cli.command import device_settings
 from orientd.cli.main import app
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.planner import offline
+from orientd_batch import Batch, batch, open_requests
+from orientd_batch.rows import RECORD
 
 pytestmark = pytest.mark.filterwarnings("ignore:resource_tracker:UserWarning")
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-import orientd
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LimitError
 from orientd.planner import DevicePlanner, Limits
 from orientd_dynamixel import DynamixelDriver
+from orientd_rotctld import satellite_pass
 
 TICK = 2 * np.pi / 4096
 EARTH, HEIGHT, RATE = 6371.0, 500.0, 1.107e-3
@@ -47,7 +47,7 @@ def from_horizon(highest, late):
     north, east, up = satellite(times, highest)
     azimuth = np.degrees(np.unwrap(np.arctan2(east, north)))
     azimuth -= 360.0 * np.floor(azimuth.min() / 360.0)
-    return orientd.satellite_pass(times - times[0], azimuth, np.degrees(np.arcsin(up)))
+    return satellite_pass(times - times[0], azimuth, np.degrees(np.arcsin(up)))
 
 
 @pytest.mark.parametrize("late", [0.0025, 0.0075])

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import orientd
 from orientd.config import DeviceSettings
 from orientd.errors import PlanError
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import from_euler, rotate
+from orientd_rotctld import satellite_pass
 
 CONFIG = Path(__file__).parents[3] / "config" / "gimbal.toml"
 CONE = {
@@ -88,7 +88,7 @@ def rotator(half_angle_deg):
 def planned_pass(half_angle_deg):
     """Plan a pass of a minute past north, which needs a whole turn of the azimuth."""
     times = np.arange(61.0)
-    request = orientd.satellite_pass(times, 300.0 + 2.0 * times, np.full(61, 30.0))
+    request = satellite_pass(times, 300.0 + 2.0 * times, np.full(61, 30.0))
     start = State.at_rest((0.0, 1.0, 0.0, 0.0))
     return rotator(half_angle_deg).plan(request, start=start, joints=(0.0, 0.0), is_offline=True)
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-import orientd
 from orientd.clock import ManualClock
 from orientd.errors import PlanError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import from_euler
 from orientd_dynamixel import DynamixelDriver
+from orientd_rotctld import satellite_pass
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
 
@@ -92,9 +92,7 @@ def test_a_pass_near_the_zenith_is_planned(velocity, highest, period):
     azimuth = np.degrees(np.arctan2(aside, along)) % 360.0
     elevation = np.degrees(np.arctan2(above, np.hypot(along, aside)))
     is_up = elevation > 0.0
-    request = orientd.satellite_pass(
-        times[is_up] - times[is_up][0], azimuth[is_up], elevation[is_up]
-    )
+    request = satellite_pass(times[is_up] - times[is_up][0], azimuth[is_up], elevation[is_up])
     motion = Rotator(velocity, period, azimuth=(-180, 180)).plan(request, (0.0, 0.0))
     lost = sum(loss.end - loss.start for loss in motion.certificate.losses)
     assert 0.0 < lost < 180.0 / velocity

@@ -1,0 +1,1 @@
+"""Astronomy programs: the device as an ASCOM Alpaca telescope and rotator."""

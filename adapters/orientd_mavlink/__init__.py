@@ -1,0 +1,1 @@
+"""MAVLink programs: the device as a gimbal with a gimbal manager (gimbal protocol v2)."""

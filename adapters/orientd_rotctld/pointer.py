@@ -1,0 +1,221 @@
+"""Point a device where a program says: by single moves, or along the path of its positions."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from orientd.client import MoveHandle
+from orientd.protocol import to_quaternion
+from orientd.rotation import Quaternion as Named
+from orientd.stream import CHUNK_POSES
+from orientd_rotctld.passes import Passes
+from orientd_rotctld.prediction import Floats, Prediction
+from orientd_serving.pointing import Direction, direction, orientation
+from orientd_serving.served import Served
+
+_BEYOND, _LONGEST_BEYOND = 4.0, 5.0
+"""How long the device follows the path after a position: in gaps between positions, and s after the
+next one is due.  A program that is content with the measured direction sends none for a while."""
+_QUICKEST = 0.4
+"""Shortest gap that is planned for, s: positions that come more often are not missed by jitter."""
+_RETURN = 2.0
+"""Seconds of the way back to the last position, if none follows."""
+_SEAM = 0.8
+"""Share of a gap in which the device passes from one prediction to the next."""
+_START = 0.1
+"""Seconds from a position until a new prediction takes effect."""
+_NEAR = math.radians(15.0)
+"""Largest angle from which a device at rest joins a path without a planned motion."""
+_ZENITH = 5.0
+"""Degrees from the zenith within which it does not show whether a device has tipped over."""
+_THERE = 1e-6
+"""Largest angle at which a direction is reached, rad: a stop may end shortly before it."""
+_TURN = (60.0, 120.0)
+"""Angles of a turn at a constant rate, degrees."""
+_STILL = 1e-6
+"""Speed below which a target rests, rad/s."""
+
+
+class Pointer:
+    """Points the tool of a device.
+
+    Not for several threads at a time, except :meth:`stop`.
+
+    Attributes:
+        asked: the newest direction that was asked for; ``None`` before the first.
+    """
+
+    def __init__(self, served: Served, passes: Passes, *, north: float, tips: bool) -> None:
+        """Point a device.
+
+        Args:
+            served: the device.
+            passes: the known ones.
+            north: angle of north from the world's x axis, counted towards y, degrees.
+            tips: whether flip mode is allowed: elevations above 90 degrees.
+        """
+        self._served, self._passes = served, passes
+        self._north, self._tips = north, tips
+        self._prediction = Prediction()
+        self._motion: MoveHandle | None = None
+        self._goal: Floats | None = None
+        self._is_following = False
+        self._is_tipped = False
+        self.asked: Direction | None = None
+
+    def measured(self) -> Direction | None:
+        """Return the measured direction as in the newest question; ``None`` without feedback.
+
+        Raises:
+            DaemonError: no daemon answers.
+        """
+        cycle = self._served.report().cycle
+        if not cycle.HasField("feedback_q"):
+            return None
+        found = direction(to_quaternion(cycle.feedback_q), self._north)
+        return found.in_turn_of(self.asked or Direction(180.0, 45.0))
+
+    def stop(self) -> None:
+        """Stop the device on its path.
+
+        Raises:
+            OrientdError: the servo does not answer, or no daemon does.
+        """
+        self._passes.leave()
+        self._begin()
+        self._served.stop()
+
+    def go(self, wanted: Direction, rounding: float = 0.0) -> None:
+        """Point at a direction, or follow the path that it continues.
+
+        Args:
+            wanted: where to.
+            rounding: of its angles, degrees.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        if self._passes.takes(vector(wanted), lambda: self._move(wanted)):
+            self._begin()
+            self.asked = wanted
+            return
+        now, old = time.monotonic(), self._prediction
+        if not old.is_confirmed:
+            old = old.rounded(math.radians(rounding))
+        is_same, self.asked = wanted == self.asked, wanted
+        path = self._prediction = old.added(now, vector(wanted))
+        if path.is_confirmed and not (is_same and path.speed < _STILL):
+            self._follow(now, wanted, old if old.is_confirmed else path)
+        elif not (is_same and self._is_heading(wanted, _THERE)):
+            self._move(wanted)
+
+    def turn(
+        self, signs: tuple[int, int], nearest: Callable[[Direction], Direction], share: float
+    ) -> None:
+        """Turn from rest at a constant rate, for at most 120 degrees.
+
+        Args:
+            signs: of the turn in azimuth and elevation.
+            nearest: returns the permitted direction that is nearest to another.
+            share: of the velocity limit.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        self._passes.leave()
+        self._served.rest()
+        form = self._now()
+        begin = form.in_turn_of(self.asked or form)
+        stages = [
+            nearest(Direction(begin.azimuth + angle * signs[0], begin.elevation + angle * signs[1]))
+            for angle in _TURN
+        ]
+        poses = [self._pose(self._form(vector(one), form)) for one in stages]
+        self._begin()
+        self.asked = stages[-1]
+        limits = {"velocity": share * self._served.report().limits.velocity}
+        self._served.move(poses, approach=True, limits=limits)
+
+    def _begin(self) -> None:
+        """Start over: the next position continues none before it."""
+        self._motion, self._goal, self._is_following = None, None, False
+        self._prediction = Prediction()
+
+    def _is_heading(self, wanted: Direction, tolerance: float) -> bool:
+        """Return whether the device is close to a direction, or moves to where that is."""
+        is_moving = self._motion is not None and not self._motion.is_done
+        end = self._goal if is_moving and self._goal is not None else vector(self._now())
+        return math.dist(end, vector(wanted)) < tolerance
+
+    def _move(self, wanted: Direction) -> None:
+        form = self._now()
+        pose = self._pose(self._form(vector(wanted), form))
+        self._motion, self._is_following = self._served.move([pose], approach=True), False
+        self._goal = vector(wanted)
+
+    def _now(self) -> Direction:
+        """Return the direction of the newest setpoint, tipped over if the device is."""
+        form = direction(to_quaternion(self._served.report().cycle.q), self._north)
+        if abs(abs(form.elevation) - 90.0) > _ZENITH:
+            self._is_tipped = abs(form.elevation) > 90.0
+        return form
+
+    def _pose(self, form: Direction) -> Named:
+        w, x, y, z = orientation(form, self._north)
+        return Named(w=w, x=x, y=y, z=z)
+
+    def _follow(self, now: float, wanted: Direction, before: Prediction) -> None:
+        """Send the predicted path for the time until the position after the next."""
+        path = self._prediction
+        form = self._now()
+        apart = math.dist(vector(form), path.at(now))
+        # A device that follows continues: its axes may have to unwind, far from the target.
+        if apart > _NEAR and not self._is_following:
+            if not self._is_heading(wanted, _NEAR):
+                self._move(wanted)
+            return
+        gap = max(path.gap, _QUICKEST)
+        beyond = min(_BEYOND * gap, gap + _LONGEST_BEYOND)
+        times = np.linspace(now + _START, now + beyond + _RETURN, CHUNK_POSES)
+        seam = _smooth((times - now) / (_SEAM * gap))[:, None]
+        points = before.at(times) + seam * (path.at(times) - before.at(times))
+        back = _smooth((times - now - beyond) / _RETURN)[:, None]
+        points += back * (vector(wanted) - points)
+        poses: list[Named] = []
+        for point in points / np.linalg.norm(points, axis=1, keepdims=True):
+            form = self._form(point, form)
+            poses.append(self._pose(form))
+        self._motion, self._is_following = None, False
+        self._served.follow(poses, float(times[0]), float(times[1] - times[0]))
+        self._is_following = True
+
+    def _form(self, point: Floats, near: Direction) -> Direction:
+        """Return a unit vector as the direction of a tool, tipped over or not as the device is."""
+        found = _direction(point)
+        if self._tips:
+            return found.in_turn_of(near)
+        return found.tipped() if self._is_tipped else found
+
+
+def _direction(point: Floats) -> Direction:
+    """Return a unit vector as a direction; the inverse of :func:`vector`."""
+    x, y, z = point
+    elevation = math.degrees(math.atan2(z, math.hypot(x, y)))
+    return Direction(math.degrees(math.atan2(-y, x)) % 360.0, elevation)
+
+
+def vector(wanted: Direction) -> Floats:
+    """Return a direction as a unit vector: x to the north, y to the west, z up; shape ``(3,)``."""
+    azimuth, elevation = math.radians(wanted.azimuth), math.radians(wanted.elevation)
+    level = math.cos(elevation)
+    return np.array([level * math.cos(azimuth), -level * math.sin(azimuth), math.sin(elevation)])
+
+
+def _smooth(share: Floats) -> Floats:
+    """Return a step from 0 to 1 whose first and second derivatives begin and end at 0."""
+    u = np.clip(share, 0.0, 1.0)
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))

@@ -1,0 +1,253 @@
+"""Serve the protocol of Hamlib's rotctld, so that antenna programs point a device."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import orientd
+from orientd.errors import DaemonError, DeviceError, OrientdError
+from orientd.own_socket import ClientListener, own_socket
+from orientd.protocol import control_pb2 as pb
+from orientd_rotctld import rotctl_protocol as protocol
+from orientd_rotctld.passes import Passes
+from orientd_rotctld.pointer import Pointer
+from orientd_rotctld.rotctl_protocol import Command
+from orientd_rotctld.sky import Target
+from orientd_serving.pointing import Direction
+from orientd_serving.served import Served
+
+_MODEL = "2"
+"""Hamlib's number of the rotators that are reached over this protocol."""
+_ABILITIES = ("set Position", "get Position", "Stop", "Park", "Reset", "Move", "get Info")
+_DIRECTIONS = {
+    "UP": (0, 1),
+    "DOWN": (0, -1),
+    "LEFT": (-1, 0),
+    "RIGHT": (1, 0),
+    "UP_LEFT": (-1, 1),
+    "UP_RIGHT": (1, 1),
+    "DOWN_LEFT": (-1, -1),
+    "DOWN_RIGHT": (1, -1),
+}
+"""Signs of the turn in azimuth and elevation."""
+_CODES = {str(2 << place): name for place, name in enumerate(_DIRECTIONS)}
+_CODES |= {name.replace("LEFT", "CCW").replace("RIGHT", "CW"): name for name in _DIRECTIONS}
+_PARK = Direction(0.0, 0.0)
+_UNCHANGED = -1.0
+"""The speed that stands for the present one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """The directions that a client may ask for.
+
+    Attributes:
+        azimuth: the least and the largest, degrees.
+        elevation: the least and the largest, degrees.
+    """
+
+    azimuth: tuple[float, float]
+    elevation: tuple[float, float]
+
+    def nearest(self, wanted: Direction) -> Direction:
+        """Return the direction in the ranges that is nearest to *wanted*."""
+        return Direction(
+            min(max(wanted.azimuth, self.azimuth[0]), self.azimuth[1]),
+            min(max(wanted.elevation, self.elevation[0]), self.elevation[1]),
+        )
+
+    def has(self, wanted: Direction) -> bool:
+        """Return whether a direction is among them."""
+        return self.nearest(wanted) == wanted
+
+
+class Rotctld:
+    """A server for the clients of rotctld.
+
+    Attributes:
+        endpoint: address and port.
+    """
+
+    def __init__(
+        self,
+        served: Served,
+        *,
+        host: str,
+        port: int,
+        ranges: Ranges,
+        north: float,
+        targets: Sequence[Target] = (),
+        notify: Callable[[str], None],
+    ) -> None:
+        """Listen at *host* and *port*.
+
+        Args:
+            served: the device.
+            host: an address of this machine.
+            port: 0 for any.
+            ranges: what clients may ask for.
+            north: angle of north from the world's x axis, counted towards y, degrees.
+            targets: whose passes are planned whole.
+            notify: takes lines for people.
+
+        Raises:
+            DaemonError: the port is in use, or the address is not one of this machine.
+        """
+        self._served, self._ranges, self._notify = served, ranges, notify
+        self._passes = Passes(served, targets, north=north, notify=notify)
+        tips = ranges.elevation[1] > 90.0
+        self._pointer = Pointer(served, self._passes, north=north, tips=tips)
+        self._refusal = ""
+        listening = own_socket(host, port)
+        self._listener = ClientListener(listening)
+        host, port = listening.getsockname()[:2]
+        self.endpoint = f"{host}:{port}"
+        self._clients: dict[threading.Thread, socket.socket] = {}
+        self._do: dict[str, Callable[[Command], Mapping[str, str] | None]] = {
+            "set_pos": self._set_position,
+            "get_pos": self._position,
+            "stop": self._stop,
+            "park": self._go_to_park,
+            "reset": self._reset,
+            "move": self._turn,
+            "get_info": self._info,
+            "get_status": self._status,
+            "dump_caps": self._capabilities,
+            "dump_state": self._state,
+        }
+
+    def serve(self) -> None:
+        """Serve until the process is interrupted."""
+        while True:
+            try:
+                client, _ = self._listener.accept()
+            except ConnectionError:
+                continue
+            thread = threading.Thread(target=self._talk, args=(client,), daemon=True)
+            self._clients[thread] = client
+            thread.start()
+
+    def close(self) -> None:
+        """Hang up on every client, and wait for their commands to end."""
+        self._listener.close()
+        for thread, client in list(self._clients.items()):
+            with contextlib.suppress(OSError):
+                client.shutdown(socket.SHUT_RDWR)
+            thread.join()
+        self._passes.close()
+
+    def _talk(self, client: socket.socket) -> None:
+        """Answer a client until it hangs up."""
+        with client, contextlib.suppress(OSError):
+            for line in _lines(client):
+                for command in protocol.commands(line):
+                    if command.kind is not None and command.kind.name == "quit":
+                        return
+                    client.sendall(self._answer(command).encode())
+        self._clients.pop(threading.current_thread(), None)
+
+    def _answer(self, command: Command) -> str:
+        if command.kind is None or command.kind.name not in self._do:
+            return protocol.failed(command, command.error or protocol.UNAVAILABLE)
+        try:
+            return protocol.answered(command, self._do[command.kind.name](command))
+        except ValueError:
+            return protocol.failed(command, protocol.INVALID)
+        except OrientdError as error:
+            if str(error) != self._refusal:
+                self._refusal = str(error)
+                self._notify(f"{command.kind.name} was refused: {error}")
+            is_lost = isinstance(error, DaemonError | DeviceError)
+            return protocol.failed(command, protocol.IO_ERROR if is_lost else protocol.REJECTED)
+
+    def _set_position(self, command: Command) -> None:
+        wanted = Direction(*map(protocol.number, command.arguments))
+        if not self._ranges.has(wanted):
+            raise ValueError(f"expected a direction in {self._ranges}, got {wanted}")
+        with self._served.lock:
+            self._pointer.go(wanted, max(map(protocol.rounding, command.arguments)))
+
+    def _position(self, command: Command) -> Mapping[str, str]:
+        del command
+        found = self._pointer.measured()
+        if found is None:
+            raise DaemonError("the device has measured nothing yet")
+        return {"Azimuth": f"{found.azimuth:.2f}", "Elevation": f"{found.elevation:.2f}"}
+
+    def _stop(self, command: Command) -> None:
+        del command
+        self._pointer.stop()
+
+    def _go_to_park(self, command: Command) -> None:
+        del command
+        with self._served.lock:
+            self._pointer.go(_PARK)
+
+    def _reset(self, command: Command) -> None:
+        protocol.number(command.arguments[0])
+        if self._served.report().state == pb.STATE_FAULT:
+            self._served.robot.reset(self._served.name)
+
+    def _turn(self, command: Command) -> None:
+        """Turn in a direction, at a percentage of the velocity limit, until a stop."""
+        word, percent = command.arguments[0], protocol.number(command.arguments[1])
+        signs = _DIRECTIONS.get(word) or _DIRECTIONS.get(_CODES.get(word, ""))
+        if signs is None or not (1.0 <= percent <= 100.0 or percent == _UNCHANGED):
+            raise ValueError(f"expected a direction and 1 to 100, got {command.arguments}")
+        share = 1.0 if percent == _UNCHANGED else 0.01 * percent
+        with self._served.lock:
+            self._pointer.turn(signs, self._ranges.nearest, share)
+
+    def _status(self, command: Command) -> Mapping[str, str]:
+        del command
+        is_moving = self._served.report().state == pb.STATE_STREAMING
+        return {"Status flags": "MOVING" if is_moving else ""}
+
+    def _capabilities(self, command: Command) -> Mapping[str, str]:
+        del command
+        (west, east), (low, high) = self._ranges.azimuth, self._ranges.elevation
+        return {
+            "Caps dump for model": _MODEL,
+            "Model name": self._served.name,
+            "Mfg name": "orientd",
+            "Backend version": orientd.__version__,
+            "Rot type": "Az-El",
+            "Min Azimuth": f"{west:.2f}",
+            "Max Azimuth": f"{east:.2f}",
+            "Min Elevation": f"{low:.2f}",
+            "Max Elevation": f"{high:.2f}",
+            **{f"Can {name}": "Y" for name in _ABILITIES},
+        }
+
+    def _state(self, command: Command) -> Mapping[str, str]:
+        del command
+        (west, east), (low, high) = self._ranges.azimuth, self._ranges.elevation
+        return {
+            "rotctld Protocol Ver": "1",
+            "Rotor Model": _MODEL,
+            "min_az": f"{west:.6f}",
+            "max_az": f"{east:.6f}",
+            "min_el": f"{low:.6f}",
+            "max_el": f"{high:.6f}",
+            "south_zero": "0",
+            "rot_type": "AzEl",
+        }
+
+    def _info(self, command: Command) -> Mapping[str, str]:
+        del command
+        return {"Info": f"orientd {orientd.__version__}: {self._served.name}"}
+
+
+def _lines(client: socket.socket) -> Iterator[bytes]:
+    """Yield the lines that a client sends; one that is too long is the last."""
+    rest = b""
+    while chunk := client.recv(4096):
+        *lines, rest = (rest + chunk).split(b"\n")
+        yield from lines
+        if len(rest) > protocol.LONGEST:
+            yield protocol.TOO_LONG
+            return

@@ -1,0 +1,358 @@
+"""Targets in the sky whose way is known: satellites by their orbital elements, or a table."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.errors import OrientdError
+
+Floats = NDArray[np.float64]
+
+_SIGHT = math.radians(1.0)
+"""Largest angle from a target to a position that means it, rad."""
+_STILL_SIGHT = math.radians(1.5)
+"""The same for a pass that is followed, rad."""
+_LATE, _EARLY = 0.5, 5.0
+"""How long ago or in how long a target may be at a position that means it, s."""
+_NEAR_STEP = 0.01
+"""Seconds from one look to the next for a target near a position."""
+_AHEAD = 900.0
+"""How long before its rise a target may be waited for, s."""
+_HIGHEST_MASK = math.radians(30.0)
+"""Largest elevation at which a program waits for a target, rad."""
+_LONGEST = 3600.0
+"""Longest part of a pass that is planned at once, s."""
+_STEP = 1.0
+"""Seconds from one look for a rise to the next."""
+_EXACT = 1e-3
+"""Largest error of the time of a rise, s."""
+_FINE = 0.2
+_STRIDE, _PAUSE = math.radians(3.0), 20.0
+"""Largest angle, rad, and longest time, s, from one row of a pass to the next."""
+_GAP = 10.0
+"""Time between two rows of a table, in the usual times between them, that ends a pass."""
+_ROUNDS = 30
+_UNIX_EPOCH = 2440587.5
+_EARTH, _FLATTENING = 6378.137, 1.0 / 298.257223563
+"""WGS 84: equatorial radius, km."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A target and its way.
+
+    Attributes:
+        name: of the target.
+        at: returns its unit vectors for times since the epoch, s, shape ``(n,)``: x to the north, y
+            to the west, z up, shape ``(n, 3)``; NaN when its place is not known.
+    """
+
+    name: str
+    at: Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """A target from a time until it sets.
+
+    Attributes:
+        target: the target.
+        start: when it rises above the elevation at which a program waits for it, or now if it is up
+            already, Unix time in s.
+        end: when it sets, Unix time in s.
+    """
+
+    target: Target
+    start: float
+    end: float
+
+    def point(self, now: float) -> Floats:
+        """Return where it is, or where it will be at the start, as a unit vector."""
+        point: Floats = self.target.at(np.array([max(now, self.start)]))[0]
+        return point
+
+    def is_meant(self, now: float, point: Floats) -> bool:
+        """Return whether a program that follows the pass may send a position.
+
+        Args:
+            now: Unix time in s.
+            point: unit vector of the position.
+        """
+        if math.dist(self.point(now), point) < _STILL_SIGHT:
+            return True
+        return now > self.start - _EARLY and _is_near(self.target, now, point, _STILL_SIGHT)
+
+    def times(self, start: float) -> Floats:
+        """Return times from *start* to the end, closer where the target is quicker, s."""
+        fine = np.linspace(start, self.end, max(3, math.ceil((self.end - start) / _FINE)))
+        steps = np.linalg.norm(np.diff(self.target.at(fine), axis=0), axis=1)
+        rows = np.cumsum(steps / _STRIDE + np.diff(fine) / _PAUSE, dtype=np.float64)
+        count = max(3, math.ceil(rows[-1]) + 1)
+        found: Floats = np.interp(np.linspace(0.0, rows[-1], count), [0.0, *rows], fine)
+        return found
+
+
+def find_pass(targets: Sequence[Target], now: float, point: Floats) -> Pass | None:
+    """Return the pass that a position means, among those above the horizon or about to rise.
+
+    The target is at the position within seconds, or a program waits there for its rise above the
+    elevation of the position: above the horizon, or above a mask of its own.
+
+    Args:
+        targets: the known ones.
+        now: Unix time in s.
+        point: unit vector of the position.
+    """
+    passes = [
+        Pass(target, start, _end(target, start))
+        for target in targets
+        if (start := _start(target, now, point)) is not None
+    ]
+    return min(passes, key=lambda one: math.dist(one.point(now), point), default=None)
+
+
+def _start(target: Target, now: float, point: Floats) -> float | None:
+    """Return when the next pass begins that a position means: now, or at a rise."""
+    heights = target.at(now + np.arange(0.0, _AHEAD + _STEP, _STEP))[:, 2]
+    soon = heights[: math.ceil(_EARLY / _STEP) + 1] > 0.0
+    if soon.any() and _is_near(target, now, point, _SIGHT):
+        row = int(np.argmax(soon))
+        return _change(target, now + (row - 1) * _STEP, 0.0) if row else now
+    mask = max(float(point[2]), 0.0)
+    if mask > math.sin(_HIGHEST_MASK):
+        return None
+    is_above = heights > mask
+    for row in np.flatnonzero(~is_above[:-1] & is_above[1:]).tolist():
+        rise = _change(target, now + row * _STEP, mask)
+        if math.dist(target.at(np.array([rise]))[0], point) < _SIGHT:
+            return rise
+    return None
+
+
+def _is_near(target: Target, now: float, point: Floats, sight: float) -> bool:
+    """Return whether a target above the horizon is at a position within seconds of *now*."""
+    places = target.at(np.arange(now - _LATE, now + _EARLY, _NEAR_STEP))
+    apart = np.linalg.norm(places[places[:, 2] > 0.0] - point, axis=1)
+    return bool(np.any(apart < sight))
+
+
+def _end(target: Target, start: float) -> float:
+    """Return when a target that is up sets, or an hour later."""
+    is_up = target.at(start + np.arange(0.0, _LONGEST, _STEP))[:, 2] > 0.0
+    if is_up.all():
+        return start + _LONGEST
+    return _change(target, start + (int(np.argmin(is_up)) - 1) * _STEP, 0.0)
+
+
+def _change(target: Target, before: float, height: float) -> float:
+    """Return when a target passes a height within a step, at a time at which it is above it.
+
+    Args:
+        target: the target.
+        before: beginning of the step, Unix time in s.
+        height: sine of the elevation.
+    """
+    after = before + _STEP
+    was_above = bool(target.at(np.array([before]))[0, 2] > height)
+    while after - before > _EXACT:
+        middle = 0.5 * (before + after)
+        if bool(target.at(np.array([middle]))[0, 2] > height) is was_above:
+            before = middle
+        else:
+            after = middle
+    return before if was_above else after
+
+
+def from_elements(path: Path, observer: tuple[float, float, float]) -> list[Target]:
+    """Return the satellites of a file of two-line elements, with or without lines of names.
+
+    Args:
+        path: the file.
+        observer: latitude and longitude, degrees, and height above the ellipsoid, m.
+
+    Raises:
+        OrientdError: the file cannot be read or has no elements, or sgp4 is not installed.
+    """
+    try:
+        from sgp4.api import Satrec
+    except ImportError:
+        raise OrientdError(
+            "this needs the extra `satellite`: pip install 'orientd-motion[satellite]'"
+        ) from None
+    lines = [line.rstrip() for line in _text(path).splitlines() if line.strip()]
+    targets = []
+    for place, line in enumerate(lines[:-1]):
+        if not (line.startswith("1 ") and lines[place + 1].startswith("2 ")):
+            continue
+        above = lines[place - 1] if place else ""
+        name = above.removeprefix("0 ").strip() if above[:2] not in ("", "2 ") else line[2:7]
+        try:
+            satellite = Satrec.twoline2rv(line, lines[place + 1])
+        except ValueError as error:
+            raise OrientdError(f"{path}: the elements of {name} are damaged: {error}") from None
+        targets.append(Target(name, _seen(satellite, observer)))
+    if not targets:
+        raise OrientdError(f"{path}: expected two-line elements, found none")
+    return targets
+
+
+def from_table(path: Path) -> list[Target]:
+    """Return the target of a table with the columns time, azimuth and elevation.
+
+    Between its rows the target is on a cubic curve through them.  Rows every 30 s are within 0.1
+    degrees for a satellite in a low orbit, rows every 10 s within 0.001 degrees.  In a gap of the
+    table, as between two passes, its place is not known.
+
+    Args:
+        path: a CSV file; times are Unix time in s, or ISO 8601 (UTC without a zone).
+
+    Raises:
+        OrientdError: the file cannot be read, or is not such a table.
+    """
+    rows = sorted(_rows(path))
+    if len(rows) < 3:
+        raise OrientdError(f"{path}: expected at least 3 rows, got {len(rows)}")
+    times, azimuth, elevation = np.array(rows).T
+    if not np.all(np.diff(times) > 0.0):
+        raise OrientdError(f"{path}: two rows have the same time")
+    east, up = np.radians(azimuth), np.radians(elevation)
+    points = np.column_stack([np.cos(up) * np.cos(east), -np.cos(up) * np.sin(east), np.sin(up)])
+
+    spacing = np.diff(times)
+    is_gap = spacing > _GAP * np.median(spacing)
+    passes = np.split(np.arange(len(times)), np.flatnonzero(is_gap) + 1)
+    rates = np.concatenate([_rates(times[one], points[one]) for one in passes])
+
+    def at(when: Floats) -> Floats:
+        row = np.clip(np.searchsorted(times, when, side="right") - 1, 0, len(times) - 2)
+        length = (times[row + 1] - times[row])[:, None]
+        u = (when - times[row])[:, None] / length
+        found = (
+            (1.0 + 2.0 * u) * (1.0 - u) ** 2 * points[row]
+            + u**2 * (3.0 - 2.0 * u) * points[row + 1]
+            + length * u * (1.0 - u) * ((1.0 - u) * rates[row] - u * rates[row + 1])
+        )
+        is_known = (when >= times[0]) & (when <= times[-1]) & ~(is_gap[row] & (u[:, 0] > 0.0))
+        found[~is_known] = np.nan
+        unit: Floats = found / np.linalg.norm(found, axis=1, keepdims=True)
+        return unit
+
+    return [Target(path.stem, at)]
+
+
+def _rates(times: Floats, points: Floats) -> Floats:
+    """Return the derivatives of a cubic spline through points, shape ``(n, 3)``.
+
+    At the ends they are those of parabolas.  The equations of the others are dominated by their
+    diagonal, so that each round halves the error.  Fewer than three points are on a straight line.
+    """
+    if len(times) < 3:
+        span = max(times[-1] - times[0], np.finfo(np.float64).tiny)
+        return np.tile((points[-1] - points[0]) / span, (len(times), 1))
+    lengths = np.diff(times)[:, None]
+    before, after = lengths[:-1], lengths[1:]
+    slopes = np.diff(points, axis=0) / lengths
+    rates: Floats = np.gradient(points, times, axis=0, edge_order=2)
+    wanted = 3.0 * (after * slopes[:-1] + before * slopes[1:])
+    for _ in range(_ROUNDS):
+        others = after * rates[:-2] + before * rates[2:]
+        rates[1:-1] = (wanted - others) / (2.0 * (before + after))
+    return rates
+
+
+def _rows(path: Path) -> Iterator[tuple[float, float, float]]:
+    reader = csv.DictReader(_text(path).splitlines())
+    columns = ("time", "azimuth", "elevation")
+    if missing := [name for name in columns if name not in (reader.fieldnames or ())]:
+        raise OrientdError(f"{path}: expected the columns {', '.join(columns)}, no {missing[0]}")
+    for number, row in enumerate(reader, 2):
+        try:
+            angles = float(row["azimuth"]), float(row["elevation"])
+            when = _seconds(row["time"])
+        except (TypeError, ValueError) as error:
+            raise OrientdError(f"{path}, line {number}: {error}") from None
+        if not all(map(math.isfinite, (when, *angles))):
+            raise OrientdError(f"{path}, line {number}: expected finite numbers")
+        yield (when, *angles)
+
+
+def _seconds(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        when = datetime.fromisoformat(text)
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise OrientdError(f"{path}: {reason}") from None
+
+
+def _seen(satellite: object, observer: tuple[float, float, float]) -> Callable[[Floats], Floats]:
+    """Return the function of a satellite's unit vectors as an observer sees it."""
+    latitude, longitude = np.radians(observer[:2])
+    squeeze = _FLATTENING * (2.0 - _FLATTENING)
+    curve = _EARTH / math.sqrt(1.0 - squeeze * math.sin(latitude) ** 2)
+    height = 1e-3 * observer[2]
+    level = (curve + height) * math.cos(latitude)
+    place = np.array(
+        [
+            level * math.cos(longitude),
+            level * math.sin(longitude),
+            (curve * (1.0 - squeeze) + height) * math.sin(latitude),
+        ]
+    )
+    north = np.array(
+        [
+            -math.sin(latitude) * math.cos(longitude),
+            -math.sin(latitude) * math.sin(longitude),
+            math.cos(latitude),
+        ]
+    )
+    west = np.array([math.sin(longitude), -math.cos(longitude), 0.0])
+    axes = np.stack([north, west, np.cross(north, west)])
+
+    def at(times: Floats) -> Floats:
+        days = times / 86400.0
+        errors, places, _ = satellite.sgp4_array(  # type: ignore[attr-defined] # Satrec of sgp4
+            np.full(len(times), _UNIX_EPOCH), days
+        )
+        turn = _sidereal(days)
+        x, y, z = np.where(errors[:, None] == 0, places, np.nan).T
+        fixed = np.column_stack(
+            [x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn), z]
+        )
+        seen = (fixed - place) @ axes.T
+        unit: Floats = seen / np.linalg.norm(seen, axis=1, keepdims=True)
+        return unit
+
+    return at
+
+
+def _sidereal(days: Floats) -> Floats:
+    """Return Greenwich mean sidereal time, rad, for days since the epoch of Unix.
+
+    Aoki et al. 1982, as SGP4's frame asks for; UT1 is taken for UTC, which is within 1 s.
+    """
+    since = days + _UNIX_EPOCH - 2451545.0
+    centuries = since / 36525.0
+    seconds = (
+        67310.54841
+        + (876600.0 * 3600.0 + 8640184.812866) * centuries
+        + 0.093104 * centuries**2
+        - 6.2e-6 * centuries**3
+    )
+    turn: Floats = np.radians(seconds / 240.0) % (2.0 * np.pi)
+    return turn

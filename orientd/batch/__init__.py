@@ -1,4 +1,0 @@
-"""Plan files of many requests offline, in parts; an interrupted run can be resumed."""
-
-from orientd.batch.batch import Batch
-from orientd.batch.request_file import Requests, open_requests

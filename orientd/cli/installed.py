@@ -1,0 +1,82 @@
+"""Commands that installed packages add: entry points of the group ``orientd.commands``.
+
+Each yields a :class:`click.Command`.  A dot stands for the space of the command line, so
+``serve.rotctld`` is a command of the group ``serve``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from orientd.cli.parameters import Group
+from orientd.errors import OrientdError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+GROUP = "orientd.commands"
+
+
+class OpenGroup(Group):
+    """A group with commands of its own, to which installed packages add others.
+
+    They are looked for only if none of its own has the name: that takes longer than a stop.
+    """
+
+    @property
+    def prefix(self) -> str:
+        """Beginning of the names of its entry points."""
+        return f"{self.name}."
+
+    def own(self) -> dict[str, Any]:
+        """Return the group's own commands by name, in the order of the help."""
+        return dict(self.commands)
+
+    def own_command(self, name: str) -> click.Command:
+        """Return one of the group's own commands."""
+        return self.commands[name]
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands: the group's own, then those of packages."""
+        del ctx
+        own = list(self.own())
+        return own + [name for name in sorted(self._installed()) if name not in own]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return the command of that name, or ``None``."""
+        del ctx
+        if cmd_name in self.own():
+            return self.own_command(cmd_name)
+        entry = self._installed().get(cmd_name)
+        return None if entry is None else _load(entry)
+
+    def _installed(self) -> dict[str, EntryPoint]:
+        """Return the commands of packages by their names in this group."""
+        from importlib.metadata import entry_points  # slow to load
+
+        ours = (one for one in entry_points(group=GROUP) if one.name.startswith(self.prefix))
+        by_rest = {one.name.removeprefix(self.prefix): one for one in ours}
+        return {rest: one for rest, one in by_rest.items() if "." not in rest}
+
+
+def _load(entry: EntryPoint) -> click.Command:
+    """Return the command of an entry point, or one that says why there is none."""
+    try:
+        found = entry.load()
+    except Exception as error:  # noqa: BLE001 - whatever a package raises when it is imported
+        return _failing(f"cannot load {entry.value}, the command {entry.name}: {error}")
+    if isinstance(found, click.Command):
+        return found
+    return _failing(f"{entry.value} is no command: expected a click.Command, got {found!r}")
+
+
+def _failing(problem: str) -> click.Command:
+    def fail() -> None:
+        raise OrientdError(problem)
+
+    lax = {"ignore_unknown_options": True, "allow_extra_args": True}
+    return click.Command(
+        None, callback=fail, help=problem, context_settings=lax, add_help_option=False
+    )

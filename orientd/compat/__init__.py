@@ -1,3 +1,0 @@
-"""Move devices of orientd with classes of other projects, under the same names and shapes."""
-
-from orientd.compat.interpolation_controller import RTDEInterpolationController

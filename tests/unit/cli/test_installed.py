@@ -1,0 +1,98 @@
+"""Commands of packages that the core does not know, found by their entry points."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+GREET = """
+import click
+
+@click.command()
+def greet():
+    \"\"\"Greet.\"\"\"
+    click.echo("hello")
+
+number = 3
+"""
+ENTRIES = """[orientd.commands]
+greet = foreign:greet
+serve.greet = foreign:greet
+number = foreign:number
+broken = foreign.missing:command
+status = foreign:greet
+"""
+
+
+@pytest.fixture
+def orientd(tmp_path):
+    """The command line beside a package with commands."""
+    (tmp_path / "foreign.py").write_text(GREET)
+    described = tmp_path / "foreign-1.0.dist-info"
+    described.mkdir()
+    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: foreign\nVersion: 1.0\n")
+    (described / "entry_points.txt").write_text(ENTRIES)
+
+    def run(*words, python=("-m", "orientd")):
+        return subprocess.run(
+            [sys.executable, *python, *words],
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    return run
+
+
+def test_a_package_adds_a_command_and_one_to_a_group(orientd):
+    assert orientd("greet").stdout == "hello\n"
+    assert orientd("serve", "greet").stdout == "hello\n"
+    assert re.search(r"^  greet +Greet\.$", orientd("--help").stdout, re.MULTILINE)
+    assert re.search(r"^  greet +Greet\.$", orientd("serve", "--help").stdout, re.MULTILINE)
+
+
+def test_a_package_takes_no_command_of_the_core(orientd):
+    assert "hello" not in orientd("status").stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("number", "orientd: foreign:number is no command: expected a click.Command, got 3\n"),
+        (
+            "broken",
+            "orientd: cannot load foreign.missing:command, the command broken: No module named "
+            "'foreign.missing'; 'foreign' is not a package\n",
+        ),
+    ],
+)
+def test_a_package_that_has_no_command_is_one_line(orientd, name, line):
+    result = orientd(name)
+    assert (result.returncode, result.stderr) == (1, line)
+
+
+@pytest.mark.parametrize("words", [["--version"], ["stop", "--help"], ["status", "--help"]])
+def test_commands_of_the_core_look_for_no_package(orientd, words):
+    code = """
+import sys
+from orientd.cli.main import app
+app(sys.argv[1:], standalone_mode=False)
+print([name for name in sys.modules if name == "importlib.metadata"])
+"""
+    assert orientd(*words, python=("-c", code)).stdout.endswith("[]\n")
+
+
+@pytest.mark.parametrize(
+    ("asked", "now"),
+    [
+        ("from orientd import satellite_pass", "orientd_rotctld.satellite_pass"),
+        ("import orientd; orientd.satellite_pass", "orientd_rotctld.satellite_pass"),
+        ("from orientd.adapters import RotationAxis", "orientd_bluesky"),
+        ("from orientd.compat import RTDEInterpolationController", "orientd_diffusion_policy"),
+    ],
+)
+def test_a_name_that_has_moved_says_where_it_is(orientd, asked, now):
+    assert now in orientd(python=("-c", asked)).stderr.splitlines()[-1]
