@@ -147,7 +147,8 @@ def test_who_has_far_too_many_connections_in_use_is_turned_away(tmp_path):
             next(held[-1])
         one_more = opened.enter_context(connection(daemon))
         assert call(one_more, LOOK, [pb.ListDevicesRequest()]) == "UNAVAILABLE"
-        assert "has 4 connections already, all in use" in (daemon.folder / "log").read_text()
+        log, turned_away = daemon.folder / "log", "has 4 connections already, all in use"
+        until(lambda: turned_away in log.read_text(), "the line of the log")
         held.pop().cancel()
         # An idle one gives way.
         until(lambda: call(one_more, LOOK, [pb.ListDevicesRequest()]) == "OK", "room")

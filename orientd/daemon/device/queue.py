@@ -374,11 +374,15 @@ class MotionQueue:
         if cycle is None or (cycle.state is ServoState.FAULT and not fault_text):
             return  # the reason for a fault of this very moment comes before the next look
         self._endings.leave(self.passed(cycle), self.first, cycle)
-        if cycle.motion != self.first.number:
-            return
-        self.first.reached = self.first.path_time(cycle)
-        if cycle.state not in MOVING:
+        if self._reaches(cycle) and cycle.state not in MOVING:
             self._come_to_rest(cycle, fault_text)
+
+    def _reaches(self, cycle: Cycle) -> bool:
+        """Note how far along the first motion the device is; return whether it is on it."""
+        is_on_it = bool(self._motions) and cycle.motion == self.first.number
+        if is_on_it:
+            self.first.reached = self.first.path_time(cycle)
+        return is_on_it
 
     def _look_at_targets(self, queued: QueuedMotion, cycle: Cycle) -> None:
         """Report the end of tracking when the device has come to rest."""
@@ -426,6 +430,9 @@ class MotionQueue:
             self._tell(EventKind.MOTION_STOPPED, targets, text)
         self._endings.end(text, kind)
         self._endings.come_to_rest(text, kind)
+        last = self._servo.last()
+        if last is not None:
+            self._reaches(last)
         self._stop(self.clear(), text, kind)
 
     def _stop(

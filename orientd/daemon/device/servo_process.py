@@ -476,8 +476,12 @@ class ServoProcess:
 
     def newest(self) -> Cycle | None:
         """Return the newest cycle of a process that runs; ``None`` before the first."""
+        return self.last() if self.is_alive else None
+
+    def last(self) -> Cycle | None:
+        """Return the newest cycle, also of a process that has ended; ``None`` before the first."""
         memory = self._memory
-        while memory is not None and self.is_alive and (head := memory.cycles.head):
+        while memory is not None and (head := memory.cycles.head):
             record = memory.cycles.read_bytes(head - 1)
             if record is not None:
                 return unpack_cycle(record)

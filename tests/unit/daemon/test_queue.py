@@ -33,6 +33,8 @@ class Link:
     def newest(self):
         return self.now
 
+    last = newest
+
     def running(self):
         return self.memory
 
@@ -136,6 +138,17 @@ def test_a_stop_between_two_motions_stops_only_the_second_one(link):
     )
     motion_queue.tend()
     assert told == [(EventKind.MOTION_DONE, 1), (EventKind.MOTION_STOPPED, 2)]
+
+
+def test_a_motion_whose_servo_dies_tells_how_far_it_came_by_the_last_cycle(link):
+    motion_queue = MotionQueue(link, lambda *_: None, lead=0.0, read_ahead=700)
+    dying = QueuedMotion(turn(0.5), number=1)
+    motion_queue.begin(dying)
+    link.now = SimpleNamespace(
+        motion=1, path_index=40, path_fraction=0.0, state=ServoState.STREAMING, flags=0, index=40
+    )
+    motion_queue.drop("the servo has died")
+    assert dying.reached == pytest.approx(40 * dying.motion.facts.period)
 
 
 @pytest.mark.parametrize("left", [0, 1, 5])
