@@ -21,7 +21,7 @@ import orientd
 from orientd.cli.installed import OpenGroup
 from orientd.cli.interrupts import ignore, interrupt_at
 from orientd.cli.output import Output, complain, plain
-from orientd.cli.parameters import Option, command_of
+from orientd.cli.parameters import Command, Option, command_of
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.one_line import one_line
 
@@ -88,19 +88,8 @@ class Commands(OpenGroup):
         # A negative speed is a wrong speed, not an option.
         is_lax = name == "speed"
         return command_of(
-            click.Command, found, name=name, context_settings={"ignore_unknown_options": is_lax}
+            Command, found, name=name, context_settings={"ignore_unknown_options": is_lax}
         )
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that *args* begin with, or refuse it with the nearest name."""
-        try:
-            return super().resolve_command(ctx, args)
-        except click.NoSuchCommand as error:
-            raise click.NoSuchCommand(
-                error.command_name, possibilities=self.list_commands(ctx), ctx=ctx
-            ) from None
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - what Click returns
         """Run the command of the command line; Ctrl-C is an error like others.
@@ -206,20 +195,17 @@ def _usage(error: Any) -> str:  # noqa: ANN401 - a ClickException
 
 def _options(
     version: Annotated[bool, Option("--version", help="Print the version.")] = False,
-    install_completion: Annotated[
-        bool, Option("--install-completion", help="Install completion for your shell.")
-    ] = False,
-    show_completion: Annotated[
-        bool, Option("--show-completion", help="Print the completion script for your shell.")
-    ] = False,
+    install_completion: Annotated[bool, Option("--install-completion", hidden=True)] = False,
+    show_completion: Annotated[bool, Option("--show-completion", hidden=True)] = False,
 ) -> None:
     """Plan smooth orientation motion and stream it to robots."""
     if version:
         Output().say(f"orientd {orientd.__version__}")
     elif install_completion or show_completion:
-        from orientd.cli import completion
-
-        Output().say(completion.install(app) if install_completion else completion.script(app))
+        raise OrientdError(
+            "the shell itself installs completion, for example with the line "
+            '`eval "$(_ORIENTD_COMPLETE=bash_source orientd)"` in ~/.bashrc'
+        )
     elif click.get_current_context().invoked_subcommand is None:
         raise click.UsageError("missing command", click.get_current_context())
     else:

@@ -5,7 +5,7 @@ each of its fields.
 
 >>> def greet(name: Annotated[str, Option(help="Who it is.")] = "you") -> None:
 ...     print(f"hello {name}")
->>> command_of(click.Command, greet).main(["--name", "Ana"], standalone_mode=False)
+>>> command_of(Command, greet).main(["--name", "Ana"], standalone_mode=False)
 hello Ana
 """
 
@@ -22,6 +22,8 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_t
 
 import click
 
+from orientd.spelling import did_you_mean
+
 Run = TypeVar("Run", bound=Callable[..., None])
 Kind = TypeVar("Kind", bound=click.Command)
 
@@ -33,6 +35,42 @@ class Group(click.Group):
         """Return the names of the commands."""
         del ctx
         return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that *args* begin with, or refuse it with the nearest name."""
+        name = args[0]
+        is_word = not (name.startswith("-") or ctx.resilient_parsing)
+        if is_word and self.get_command(ctx, name) is None:
+            hint = did_you_mean(name, self.list_commands(ctx))
+            raise click.UsageError(f"no such command {name!r}{hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+class Command(click.Command):
+    """A command whose help describes its arguments too."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the arguments, then the options."""
+        said = [one for one in self.params if isinstance(one, _Said)]
+        rows = [(one.metavar or str(one.name).upper(), one.said) for one in said]
+        if rows:
+            with formatter.section("Positional arguments"):
+                formatter.write_dl(rows)
+        super().format_options(ctx, formatter)
+
+
+class _Said(click.Argument):
+    """An argument with a description, which Click before 8.5 does not take.
+
+    Attributes:
+        said: the description.
+    """
+
+    def __init__(self, *declared: Any, help: str, **settings: Any) -> None:  # noqa: A002, ANN401
+        super().__init__(*declared, **settings)
+        self.said = help
 
 
 @dataclass(frozen=True, init=False)
@@ -63,7 +101,7 @@ def command_of(kind: type[Kind], run: Callable[..., None], **settings: Any) -> K
     """Return the command that calls *run*.
 
     Args:
-        kind: a class of Click's.
+        kind: :class:`Command`, or a group.
         run: its docstring is the help.  A parameter with a default need not be given.
         settings: of the class.
     """
@@ -94,14 +132,14 @@ def command_of(kind: type[Kind], run: Callable[..., None], **settings: Any) -> K
 
 def command(run: Callable[..., None]) -> click.Command:
     """Make the decorated function a command, for the group `orientd.commands` of entry points."""
-    return command_of(click.Command, run)
+    return command_of(Command, run)
 
 
 def part_of(group: click.Group, **settings: Any) -> Callable[[Run], Run]:  # noqa: ANN401 - Click's
     """Make the decorated function a command of *group*."""
 
     def add(run: Run) -> Run:
-        group.add_command(command_of(click.Command, run, **settings))
+        group.add_command(command_of(Command, run, **settings))
         return run
 
     return add
@@ -121,7 +159,7 @@ def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # 
     if isinstance(said, Argument):
         if not settings["required"]:
             settings["metavar"] = f"[{settings['metavar']}]"
-        return click.Argument([name], **settings)
+        return _Said([name], **settings)
     spelt = name.replace("_", "-")
     flag = f"--{spelt}/--no-{spelt}" if kind is bool else f"--{spelt}"
     settings["is_flag"] = True if kind is bool else None  # False lets Click omit a value

@@ -18,7 +18,7 @@ SEED = int(os.environ.get("ORIENTD_STORM_SEED", "1"))
 
 # Commands that run until a signal, write outside the folder or take minutes.
 BEYOND = {"run", "sim", "view", "demo", "bench", "service", "doctor", "batch"}
-LENGTHY = {"--gallery", "--install-completion", "--show-completion", "--jobs", "--help"}
+LENGTHY = {"--gallery", "--jobs", "--help"}
 WILD = (
     *("", "-", "--", "0", "-1", "nan", "inf", "1e309", "1e-320", "9" * 400, "0x10", "true", "arm"),
     *("/dev/zero", "/dev/null", ".", "/", "nowhere", "nowhere/at/all.svg", "a" * 5000, "\udcff"),

@@ -1,24 +1,21 @@
 """The audit log: one line of JSON for every command, and for everything that was refused.
 
-When the file is large enough it is put aside under the next number, ``audit.jsonl.1`` being the
-newest of those, and another is begun.  The standard library's rotating handler would lose records
-here: two daemons of one user share the file, and each would move it from under the other.  It also
-follows a symbolic link, and leaves who may read to the umask.
+When the file is large enough it becomes ``audit.jsonl.1``, and the daemon starts another.
 """
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import logging
 import os
+import sys
 from datetime import UTC, datetime
+from io import TextIOWrapper
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from typing import Any
 
 from orientd.config import AccessSettings
-from orientd.daemon.access.claim import is_same_file
-from orientd.daemon.observe import DetachedWriter, json_line
+from orientd.daemon.observe import BackgroundHandler, json_line
 from orientd.daemon.report_directory import report_directory
 
 _log = logging.getLogger(__name__)
@@ -43,77 +40,43 @@ class AuditLog:
             most_bytes: size at which another file is begun.
             most_files: older files that are kept.
         """
-        self._path = path
-        self._most_bytes = most_bytes
-        self._most_files = most_files
-        self._descriptor = -1
-        self._is_failing = False
-        self._writer = DetachedWriter(
-            self._write, self._tell_lost, name="audit", most_waiting=MOST_WAITING
-        )
+        file = _OwnFile(path, maxBytes=most_bytes, backupCount=most_files, delay=True)
+        self._handler = BackgroundHandler(file, self._tell_lost, most_waiting=MOST_WAITING)
+        self._file = file
 
     def record(self, **fields: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
         """Write *fields* with the time in the background; return at once."""
         now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-        self._writer.put(f"{json_line({'time': now, **fields})}\n".encode())
+        line = json_line({"time": now, **fields})
+        self._handler.handle(logging.makeLogRecord({"msg": line}))
 
     def close(self) -> None:
         """Write what waits, and end."""
-        self._writer.close()
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        self._handler.close(None)
+        self._file.close()
 
     def _tell_lost(self, lost: int) -> None:
         self.record(event="left out", records=lost)
 
-    def _write(self, line: bytes) -> None:
-        try:
-            self._append(line)
-        except OSError as error:
+
+class _OwnFile(RotatingFileHandler):
+    """A file that only its user may read, and that is no link to another one."""
+
+    _is_failing = False
+
+    def _open(self) -> TextIOWrapper:
+        path = Path(self.baseFilename)
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        return os.fdopen(os.open(path, flags, 0o600), "a", encoding="utf-8")
+
+    def emit(self, record: logging.LogRecord) -> None:
+        had_failed, self._is_failing = self._is_failing, False
+        super().emit(record)
+        if self._is_failing and not had_failed:
             # A full disk must not keep a client from stopping a robot.
-            if not self._is_failing:
-                _log.error("audit: cannot write to %s: %s", self._path, error)
-            self._is_failing = True
-        else:
-            self._is_failing = False
+            _log.error("audit: cannot write to %s: %s", self.baseFilename, self._problem)
 
-    def _append(self, line: bytes) -> None:
-        self._lock()
-        try:
-            size = os.fstat(self._descriptor).st_size
-            if size and size + len(line) > self._most_bytes:
-                self._rotate()
-                self._lock()
-                size = os.fstat(self._descriptor).st_size
-            if os.write(self._descriptor, line) < len(line):
-                os.ftruncate(self._descriptor, size)
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        finally:
-            if self._descriptor >= 0:
-                fcntl.flock(self._descriptor, fcntl.LOCK_UN)
-
-    def _lock(self) -> None:
-        """Lock the file at the path; open it again if another daemon has rotated it."""
-        while True:
-            if self._descriptor < 0:
-                self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
-                self._descriptor = os.open(self._path, flags, 0o600)
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX)
-            if is_same_file(self._descriptor, self._path):
-                return
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-    def _rotate(self) -> None:
-        """Rotate the file while locked, and close it."""
-        for number in range(self._most_files - 1, 0, -1):
-            if self._aside(number).exists():
-                self._aside(number).replace(self._aside(number + 1))
-        self._path.replace(self._aside(1))
-        os.close(self._descriptor)
-        self._descriptor = -1
-
-    def _aside(self, number: int) -> Path:
-        return self._path.with_name(f"{self._path.name}.{number}")
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the library's name
+        del record
+        self._is_failing, self._problem = True, sys.exception()

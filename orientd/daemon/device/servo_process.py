@@ -202,7 +202,8 @@ class ServoProcess:
             options=settings.options,
             period_ns=settings.period_ns,
             phase_ns=settings.phase_ns,
-            path_capacity=path_capacity(self._read_ahead),
+            # Twice what is read ahead, and more for motions that take long to stop.
+            path_capacity=max(2 * self._read_ahead, min(8 * self._read_ahead, _MOST_RECORDS)),
             cycle_capacity=self._read_ahead,
             heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),
             feedback_timeout_ns=round(settings.feedback_timeout * 1e9),
@@ -628,15 +629,6 @@ class ServoProcess:
     def fail(self, fault: Fault, failure: str) -> None:
         """Do without a servo from now on."""
         self.fault, self.failure, self.fault_text = fault, failure, failure
-
-
-def path_capacity(read_ahead: int) -> int:
-    """Return how many path records a ring has room for.
-
-    That is twice what is read ahead, and more for motions that take long to stop, unless this is a
-    great many records.
-    """
-    return max(2 * read_ahead, min(8 * read_ahead, _MOST_RECORDS))
 
 
 def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:

@@ -7,20 +7,19 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.observe.detached_writer import DetachedWriter
     from orientd.daemon.observe.event_log import EventLog
     from orientd.daemon.observe.flight_recorder import FlightRecorder
     from orientd.daemon.observe.journal import Journal
-    from orientd.daemon.observe.log import about, json_line
+    from orientd.daemon.observe.log import BackgroundHandler, about, json_line
 
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.daemon.observe.detached_writer": ("DetachedWriter",),
         "orientd.daemon.observe.event_log": ("EventLog",),
         "orientd.daemon.observe.flight_recorder": ("FlightRecorder",),
         "orientd.daemon.observe.journal": ("Journal",),
         "orientd.daemon.observe.log": (
+            "BackgroundHandler",
             "about",
             "json_line",
         ),

@@ -9,13 +9,15 @@ import contextlib
 import json
 import logging
 import os
+import queue
 import sys
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
+from logging.handlers import QueueHandler, QueueListener
 from typing import Any
 
-from orientd.daemon.observe.detached_writer import DetachedWriter
 from orientd.one_line import one_line
 
 _log = logging.getLogger(__name__)
@@ -92,37 +94,102 @@ def _in_one_line(record: logging.LogRecord) -> bool:
     return True
 
 
-class LogHandler(logging.Handler):
-    """Write log lines to a file descriptor without making the caller wait.
+class BackgroundHandler(QueueHandler):
+    """Hand records to another handler in a thread of its own, so that no caller waits.
 
-    A terminal stopped by Ctrl-S or a full pipe would otherwise block the thread that feeds a servo,
-    and so interrupt the motion.
+    A full disk, a terminal stopped by Ctrl-S or a full pipe would otherwise block the thread that
+    feeds a servo, and so interrupt the motion.  Records that find the queue full are left out.
+    """
+
+    def __init__(
+        self, handler: logging.Handler, tell_lost: Callable[[int], object], *, most_waiting: int
+    ) -> None:
+        """Start the thread.
+
+        Args:
+            handler: writes each record, however long that takes.
+            tell_lost: called from the thread with the number of records left out since the last
+                call.
+            most_waiting: records that may wait.
+        """
+        waiting: queue.Queue[Any] = queue.Queue(most_waiting)
+        super().__init__(waiting)
+        self._listener: _Listener | None = _Listener(waiting, handler, tell_lost)
+        self._listener.start()
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        """Return *record* with its text as it is now."""
+        record.msg, record.args = record.getMessage(), ()
+        return record
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        """Hand over *record* at once, or count it."""
+        try:
+            self.queue.put_nowait(record)
+        except queue.Full:
+            if self._listener is not None:
+                self._listener.lost += 1
+
+    def close(self, patience: float | None = PATIENCE) -> None:
+        """Wait until the last record is written, at most *patience* s."""
+        listener, self._listener = self._listener, None
+        if listener is not None:
+            # Daemon threads: the writer may wait for a reader who never comes.
+            ending = threading.Thread(target=listener.stop, daemon=True)
+            ending.start()
+            ending.join(patience)
+        super().close()
+
+
+class _Listener(QueueListener):
+    """Write what comes, and tell what was left out."""
+
+    def __init__(
+        self,
+        waiting: queue.Queue[Any],
+        handler: logging.Handler,
+        tell_lost: Callable[[int], object],
+    ) -> None:
+        super().__init__(waiting, handler)
+        self.lost = 0
+        self._waiting, self._tell_lost = waiting, tell_lost
+
+    def handle(self, record: logging.LogRecord) -> None:
+        super().handle(record)
+        if self.lost and self._waiting.empty():
+            lost, self.lost = self.lost, 0
+            self._tell_lost(lost)
+
+    def enqueue_sentinel(self) -> None:
+        self._waiting.put(None)  # waits until there is space
+
+
+class DescriptorHandler(logging.Handler):
+    """Write lines to a file descriptor.
+
+    A stream of Python's would do so too.  But a thread that waits in one keeps the process from
+    its end.
     """
 
     def __init__(self, descriptor: int) -> None:
         """Write to *descriptor*, which may block."""
         super().__init__()
         self._descriptor = descriptor
-        self.writer = DetachedWriter(
-            self._write, self._tell_lost, name="log", most_waiting=MOST_LINES
-        )
+
+    def createLock(self) -> None:  # noqa: N802 - the library's name
+        """Have no lock: one thread writes, and the end of the process must not wait for it."""
+        self.lock = None
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write *record* in the background."""
-        self.writer.put(f"{self.format(record)}\n".encode(errors="replace"))
-
-    def close(self) -> None:
-        """Wait for the last lines, but not for long."""
-        self.writer.close(PATIENCE)
-        super().close()
-
-    def _write(self, line: bytes) -> None:
+        """Write *record*."""
+        line = f"{self.format(record)}\n".encode(errors="replace")
         with contextlib.suppress(OSError):  # the reader is gone
             while line:
                 line = line[os.write(self._descriptor, line) :]
 
-    def _tell_lost(self, lost: int) -> None:
-        _log.warning("%d log lines are lost: nobody has read the ones before them", lost)
+
+def _tell_lost(lost: int) -> None:
+    _log.warning("%d log lines are lost: nobody has read the ones before them", lost)
 
 
 def set_up_log(chosen: LogFormat, level: str = "info") -> None:
@@ -133,13 +200,14 @@ def set_up_log(chosen: LogFormat, level: str = "info") -> None:
         level: the least level that is logged.
     """
     is_journal = "JOURNAL_STREAM" in os.environ
-    handler = LogHandler(sys.stderr.fileno())
+    handler = DescriptorHandler(sys.stderr.fileno())
     if chosen is LogFormat.JSON or (chosen is LogFormat.AUTO and is_journal):
         handler.setFormatter(JsonFormatter(has_priority=is_journal))
     else:
         handler.addFilter(_in_one_line)
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-    logging.basicConfig(handlers=[handler], level=level.upper(), force=True)
+    behind = BackgroundHandler(handler, _tell_lost, most_waiting=MOST_LINES)
+    logging.basicConfig(handlers=[behind], level=level.upper(), force=True)
 
 
 def _priority(level: int) -> int:

@@ -91,12 +91,6 @@ def test_the_doctor_counts_in_english(capsys, number, said):
     assert capsys.readouterr().out.endswith(f"0 ok, 0 to improve, {said}\n")
 
 
-def test_a_shell_without_completion_is_told_which_have_it(monkeypatch):
-    monkeypatch.setenv("SHELL", "")
-    done = inside("--show-completion")
-    assert done.stderr == "orientd: $SHELL: expected one of bash, zsh, fish, got ''\n"
-
-
 def test_end_velocities_that_were_not_asked_for_are_not_told():
     statistics, plan = pb.MotionStatistics(), pb.Plan()
     certificate = plan.certificate

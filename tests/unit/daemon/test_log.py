@@ -3,10 +3,12 @@
 import contextlib
 import logging
 import os
+import subprocess
+import sys
 
 import pytest
 
-from orientd.daemon.observe.log import MOST_LINES, LogHandler
+from orientd.daemon.observe.log import MOST_LINES, BackgroundHandler, DescriptorHandler, _tell_lost
 
 
 @pytest.fixture
@@ -17,11 +19,15 @@ def pipe():
         os.close(end)
 
 
+def writing_to(descriptor):
+    return BackgroundHandler(DescriptorHandler(descriptor), _tell_lost, most_waiting=MOST_LINES)
+
+
 @pytest.fixture
 def log(pipe):
     """A log to a pipe, with nothing else listening to it."""
     logger = logging.Logger("of a test")
-    handler = LogHandler(pipe[1])
+    handler = writing_to(pipe[1])
     logger.addHandler(handler)
     yield logger
     handler.close()
@@ -63,22 +69,36 @@ def test_nobody_waits_for_a_reader_and_what_is_lost_is_counted(pipe, log, caplog
 
 def test_the_end_does_not_wait_for_a_reader_who_never_comes(pipe):
     logger = logging.Logger("of a test")
-    handler = LogHandler(pipe[1])
+    handler = writing_to(pipe[1])
     logger.addHandler(handler)
     for _ in range(MOST_LINES):
         logger.warning("x" * 1000)
     handler.close()
-    assert not handler.writer.is_empty
+    assert not handler.queue.empty()
     read_until(pipe[0], b"x")
 
 
 def test_a_reader_who_is_gone_is_no_trouble():
     read, write = os.pipe()
     logger = logging.Logger("of a test")
-    handler = LogHandler(write)
+    handler = writing_to(write)
     logger.addHandler(handler)
     os.close(read)
     logger.warning("to nobody")
     handler.close()
-    assert handler.writer.is_empty
+    assert handler.queue.empty()
     os.close(write)
+
+
+def test_a_process_whose_log_nobody_reads_ends(pipe):
+    code = f"""
+import logging
+from orientd.daemon.observe.log import BackgroundHandler, DescriptorHandler
+logger = logging.getLogger()
+handler = BackgroundHandler(DescriptorHandler({pipe[1]}), print, most_waiting=1000)
+logger.addHandler(handler)
+for _ in range(1000):
+    logger.warning("x" * 1000)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], pass_fds=pipe, timeout=60.0, check=False)
+    assert ended.returncode == 0
