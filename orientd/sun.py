@@ -17,8 +17,10 @@ _EPOCH = 946_728_000
 def sidereal_time(time: float, longitude: float) -> float:
     """Return the local mean sidereal time, degrees, of any number of turns.
 
+    UT1 is taken for UTC, which is within 1 s.
+
     Args:
-        time: s since 1970, UTC.
+        time: s since 1970, UTC; an array of NumPy gives an array.
         longitude: degrees, east positive.
 
     Source: Meeus, Astronomical Algorithms (1998), equation 12.4, without its terms below an arc

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.errors import OrientdError
+from orientd.sun import sidereal_time
 
 Floats = NDArray[np.float64]
 
@@ -325,11 +326,10 @@ def _seen(satellite: object, observer: tuple[float, float, float]) -> Callable[[
     axes = np.stack([north, west, np.cross(north, west)])
 
     def at(times: Floats) -> Floats:
-        days = times / 86400.0
         errors, places, _ = satellite.sgp4_array(  # type: ignore[attr-defined] # Satrec of sgp4
-            np.full(len(times), _UNIX_EPOCH), days
+            np.full(len(times), _UNIX_EPOCH), times / 86400.0
         )
-        turn = _sidereal(days)
+        turn = np.radians(sidereal_time(times, 0.0))  # type: ignore[arg-type]
         x, y, z = np.where(errors[:, None] == 0, places, np.nan).T
         fixed = np.column_stack(
             [x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn), z]
@@ -339,20 +339,3 @@ def _seen(satellite: object, observer: tuple[float, float, float]) -> Callable[[
         return unit
 
     return at
-
-
-def _sidereal(days: Floats) -> Floats:
-    """Return Greenwich mean sidereal time, rad, for days since the epoch of Unix.
-
-    Aoki et al. 1982, as SGP4's frame asks for; UT1 is taken for UTC, which is within 1 s.
-    """
-    since = days + _UNIX_EPOCH - 2451545.0
-    centuries = since / 36525.0
-    seconds = (
-        67310.54841
-        + (876600.0 * 3600.0 + 8640184.812866) * centuries
-        + 0.093104 * centuries**2
-        - 6.2e-6 * centuries**3
-    )
-    turn: Floats = np.radians(seconds / 240.0) % (2.0 * np.pi)
-    return turn
