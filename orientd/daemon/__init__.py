@@ -8,7 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.daemon.calls.latency_identification import measure_latency
-    from orientd.daemon.observe.log import LogFormat, set_up_log
+    from orientd.daemon.log import LogFormat, set_up_log
     from orientd.daemon.planners.reporting import known_methods, plan_of, samples_of
     from orientd.daemon.server import run
 
@@ -16,7 +16,7 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.daemon.calls.latency_identification": ("measure_latency",),
-        "orientd.daemon.observe.log": (
+        "orientd.daemon.log": (
             "LogFormat",
             "set_up_log",
         ),

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.config import AccessSettings
-from orientd.daemon.observe import BackgroundHandler, json_line
+from orientd.daemon.log import BackgroundHandler, json_line
 from orientd.daemon.report_directory import report_directory
 
 _log = logging.getLogger(__name__)

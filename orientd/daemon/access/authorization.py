@@ -30,7 +30,7 @@ from grpclib.server import Stream
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.identity import Caller
 from orientd.daemon.access.rules import Rule, rule
-from orientd.daemon.observe import about
+from orientd.daemon.log import about
 from orientd.errors import (
     AccessError,
     OrientdError,

@@ -1,4 +1,4 @@
-"""Record events: the journal, the flight recorder, the log."""
+"""Record events: the journal, the flight recorder, their lines in the log."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from orientd.daemon.observe.event_log import EventLog
     from orientd.daemon.observe.flight_recorder import FlightRecorder
     from orientd.daemon.observe.journal import Journal
-    from orientd.daemon.observe.log import BackgroundHandler, about, json_line
 
 __getattr__ = lazily(
     __name__,
@@ -18,10 +17,5 @@ __getattr__ = lazily(
         "orientd.daemon.observe.event_log": ("EventLog",),
         "orientd.daemon.observe.flight_recorder": ("FlightRecorder",),
         "orientd.daemon.observe.journal": ("Journal",),
-        "orientd.daemon.observe.log": (
-            "BackgroundHandler",
-            "about",
-            "json_line",
-        ),
     },
 )

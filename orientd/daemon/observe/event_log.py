@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from orientd.daemon.device import DeviceEvent, EventKind
-from orientd.daemon.observe.log import about
+from orientd.daemon.log import about
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import titled
 

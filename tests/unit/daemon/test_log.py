@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from orientd.daemon.observe.log import MOST_LINES, BackgroundHandler, DescriptorHandler, _tell_lost
+from orientd.daemon.log import MOST_LINES, BackgroundHandler, DescriptorHandler, _tell_lost
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_a_reader_who_is_gone_is_no_trouble():
 def test_a_process_whose_log_nobody_reads_ends(pipe):
     code = f"""
 import logging
-from orientd.daemon.observe.log import BackgroundHandler, DescriptorHandler
+from orientd.daemon.log import BackgroundHandler, DescriptorHandler
 logger = logging.getLogger()
 handler = BackgroundHandler(DescriptorHandler({pipe[1]}), print, most_waiting=1000)
 logger.addHandler(handler)

@@ -3,7 +3,7 @@
 import json
 import logging
 
-from orientd.daemon.observe.log import JsonFormatter, about
+from orientd.daemon.log import JsonFormatter, about
 
 
 def record(level=logging.INFO, **extra):
