@@ -138,7 +138,8 @@ class AxisGap(NamedTuple):
         gap: angle from the measured to the commanded angle, rad.
         tolerance: largest gap of an axis that has arrived, rad.
         load: load of the axis in words, for example ``0.45 A``; empty if unknown.
-        patience: time after the last setpoint of a motion within which the axis must arrive, s.
+        patience: time after the last setpoint of a motion within which the axis must arrive, at its
+            current speed; s.
     """
 
     name: str

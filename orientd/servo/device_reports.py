@@ -110,6 +110,10 @@ class DeviceReports:
         self._hindered = cycle
 
 
+_SPENT = 1.0 - 1e-9
+"""Share of its patience that an axis may spend; sums of shares are rounded."""
+
+
 class Arrival:
     """The wait for the axes after the last setpoint of a motion.
 
@@ -120,11 +124,13 @@ class Arrival:
     def __init__(self, device: Arriving | None) -> None:
         self.is_awaited = False
         self._device = device
-        self._sent_ns = 0
+        self._measured_ns = 0
+        self._spent: dict[str, float] = {}
 
     def begin(self, sent_ns: int) -> None:
         """Wait for the axes to reach the setpoint of the cycle at *sent_ns*."""
-        self.is_awaited, self._sent_ns = self._device is not None, sent_ns
+        self.is_awaited, self._measured_ns = self._device is not None, sent_ns
+        self._spent = {}
 
     def look(self, measured_ns: int) -> str:
         """Check the axes by the measurement at *measured_ns*.
@@ -134,11 +140,14 @@ class Arrival:
         """
         gaps = () if self._device is None else self._device.gaps()
         # A measurement from before the last setpoint does not count; nor does a missing one.
-        if gaps and measured_ns <= self._sent_ns:
+        if gaps and measured_ns <= self._measured_ns:
             return ""
-        waited = (measured_ns - self._sent_ns) * 1e-9
+        waited, self._measured_ns = (measured_ns - self._measured_ns) * 1e-9, measured_ns
         behind = [axis for axis in gaps if not abs(axis.gap) <= axis.tolerance]
-        late = [axis for axis in behind if waited >= axis.patience]
+        # Patience may change with the speed of the device, so each wait spends its share of it.
+        spent = self._spent
+        self._spent = {one.name: spent.get(one.name, 0.0) + waited / one.patience for one in gaps}
+        late = [axis for axis in behind if self._spent[axis.name] >= _SPENT]
         self.is_awaited = bool(behind) and not late
         return "; ".join(map(_explain, late))
 

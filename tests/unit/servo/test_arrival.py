@@ -104,3 +104,17 @@ def test_driver_that_cannot_tell_is_an_internal_fault():
     rig.start(turn())
     rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.servo.setpoints.fault is Fault.INTERNAL
+
+
+def test_patience_of_a_slow_device_is_spent_at_the_speed_that_it_had():
+    """An arm at a tenth of its speed may take ten times as long, also once it is quick again."""
+    patience = [5.0]
+    device = Axes()
+    device.gaps = lambda: [AxisGap("wrist", 0.1, 0.01, patience=patience[0])]
+    arrival = Arrival(device)
+    arrival.begin(0)
+    for second in range(1, 5):
+        assert not arrival.look(second * 1_000_000_000)
+    patience[0] = 0.5  # four of five parts are spent
+    assert not arrival.look(4_050_000_000)
+    assert "wrist has not arrived" in arrival.look(4_100_000_000)
