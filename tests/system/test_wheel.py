@@ -6,6 +6,7 @@ import subprocess
 import sys
 import sysconfig
 import tarfile
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -182,3 +183,34 @@ def test_the_script_is_that_of_the_wheel_and_not_of_the_source_tree(script, tmp_
     assert answer.returncode == 0, answer.stderr
     assert str(ROOT) + "/orientd" not in answer.stdout
     assert str(script.parents[1]) in answer.stdout
+
+
+def adapters():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    return sorted(settings["project"]["entry-points"]["orientd.commands"])
+
+
+@pytest.mark.parametrize("name", adapters())
+def test_a_command_of_an_adapter_runs_from_the_wheel(script, tmp_path, name):
+    answer = run(script, *name.split("."), "--help", cwd=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.startswith(f"Usage: orientd {name.replace('.', ' ')} ")
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from orientd_bluesky import RotationAxis; print(RotationAxis.__name__)",
+        "from orientd_diffusion_policy import RTDEInterpolationController as C; print(C.__name__)",
+        "from orientd_rotctld import satellite_pass as p; p([0, 1, 2], [0, 9, 9], [0, 0, 9])",
+    ],
+)
+def test_an_adapter_for_python_is_called_from_the_wheel(script, tmp_path, code):
+    answer = run(script.parent / "python", "-c", code, cwd=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+
+
+def test_a_batch_is_planned_from_the_wheel(script, tmp_path):
+    (tmp_path / "all.jsonl").write_text('{"keyframes": [{"turns": [0, 0, 1]}]}\n' * 2)
+    answer = run(script, "batch", "all.jsonl", "-o", "plans", cwd=tmp_path)
+    assert (answer.returncode, (tmp_path / "plans" / "plans.parquet").exists()) == (0, True)
