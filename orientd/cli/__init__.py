@@ -1,6 +1,7 @@
 """The command line.
 
 Packages with commands of their own use ``command`` (options to connect and to plan),
-``parameters``, ``installed`` (groups of commands) and ``output``.  They name each command in the
+``following`` (a motion until it has ended), ``parameters``, ``installed`` (groups of commands),
+``output`` and ``texts`` (values in words).  They name each command in the
 group ``orientd.commands`` of their entry points.
 """

@@ -71,7 +71,7 @@ def demo(
     """
     from orientd import plots
     from orientd.cli import texts
-    from orientd.cli.commands.motion_commands import follow, raise_unless_done
+    from orientd.cli.following import follow, raise_unless_done
     from orientd.client import connect
     from orientd.protocol import control_pb2 as pb
     from orientd.stream import ServoState

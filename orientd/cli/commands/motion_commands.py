@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -18,6 +18,7 @@ from orientd.cli.command import (
     check_picture,
     device_settings,
 )
+from orientd.cli.following import conclude, follow
 from orientd.cli.output import Output, working
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
@@ -44,9 +45,6 @@ MotionFile = Annotated[
 
 LATEST_START = 3600.0
 """How far ahead the daemon accepts a start time, s."""
-
-CANCEL_TIMEOUT = 15.0
-"""Time for a cancelled motion to come to rest, s."""
 
 
 def plan(
@@ -193,55 +191,6 @@ def _gate(text: str) -> pb.OnTarget:
         settle_time=settle_time,
         timeout=timeout[0] if timeout else 0.0,
     )
-
-
-def follow(
-    handle: MoveHandle | EndlessTurn, out: Output, *, title: str, lines: Iterable[str] = ()
-) -> pb.MoveSummary:
-    """Show a motion until it has ended; Ctrl-C stops it on its path.
-
-    Raises:
-        OrientdError: the daemon was lost, or the motion did not come to rest.
-    """
-    from orientd.cli import progress, texts
-
-    try:
-        out.say(*lines, *texts.speed_left(handle.speed))
-        with progress.view(title, out) as show:
-            for report in handle:
-                show(report)
-        return handle.wait()
-    except KeyboardInterrupt:
-        handle.cancel()
-        try:
-            return handle.wait(CANCEL_TIMEOUT)
-        except TimeoutError as error:
-            raise OrientdError(str(error)) from error
-
-
-def conclude(
-    handle: MoveHandle | EndlessTurn, summary: pb.MoveSummary, out: Output, **more: object
-) -> None:
-    """Print the result of a motion, with *more* for programs.
-
-    Raises:
-        OrientdError: it was not run to its end.
-    """
-    from orientd.cli import texts
-
-    moved = {"plan": handle.plan, "summary": summary, "speed": handle.speed}
-    lines = texts.summary(summary, handle.plan, speed=handle.speed)
-    out.answer({**more, **moved}, *lines)
-    raise_unless_done(summary)
-
-
-def raise_unless_done(summary: pb.MoveSummary) -> None:
-    """Raise the error of a command whose motion was not run to its end."""
-    from orientd.protocol import GOOD_OUTCOMES
-    from orientd.protocol import ending as how
-
-    if summary.outcome not in GOOD_OUTCOMES:
-        raise OrientdError(f"motion {summary.motion_number} {how(summary)}")
 
 
 def home(to: Commander, out: Output) -> None:

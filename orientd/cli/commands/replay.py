@@ -74,7 +74,7 @@ def replay(
     current orientation.
     """
     need_extra("record")
-    from orientd.cli.commands.motion_commands import conclude, follow
+    from orientd.cli.following import conclude, follow
     from orientd.curves import fit_orientations
     from orientd.recorder import read_orientations
 
