@@ -1,7 +1,12 @@
-"""Commands that installed packages add: entry points of the group ``orientd.commands``.
+"""Find commands and readers of installed packages, by groups of entry points.
 
-Each yields a :class:`click.Command`.  A dot stands for the space of the command line, so
-``serve.rotctld`` is a command of the group ``serve``.
+``orientd.commands``: each yields a :class:`click.Command`.  A dot stands for the space of the
+command line, so ``serve.rotctld`` is a command of the group ``serve``.
+
+``orientd.recordings``: one that reads recordings of other programs, for `orientd plot`.  It yields
+a function of a path and a topic, with the keyword ``partial`` for cut or damaged files.  The result
+has the attributes ``topic``, ``times`` (s, shape ``(n,)``), ``q`` (orientations ``(w, x, y, z)``,
+shape ``(n, 4)``), ``clock`` (what the times are) and ``notes`` (lines for the user).
 """
 
 from __future__ import annotations
@@ -14,9 +19,11 @@ from orientd.cli.parameters import Group
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from importlib.metadata import EntryPoint
 
 GROUP = "orientd.commands"
+RECORDINGS = "orientd.recordings"
 
 
 class OpenGroup(Group):
@@ -59,6 +66,28 @@ class OpenGroup(Group):
         ours = (one for one in entry_points(group=GROUP) if one.name.startswith(self.prefix))
         by_rest = {one.name.removeprefix(self.prefix): one for one in ours}
         return {rest: one for rest, one in by_rest.items() if "." not in rest}
+
+
+def recordings_reader() -> Callable[..., Any]:
+    """Return the function that reads recordings of other programs.
+
+    Raises:
+        OrientdError: no installed package has one, or it cannot be loaded.
+    """
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group=RECORDINGS):
+        try:
+            reader: Callable[..., Any] = entry.load()
+        except Exception as error:
+            raise OrientdError(
+                f"cannot load {entry.value}, which reads recordings of other programs: {error}"
+            ) from error
+        return reader
+    raise OrientdError(
+        "no installed package reads recordings of other programs: pip install --force-reinstall "
+        "'orientd-motion[record]'"
+    )
 
 
 def _load(entry: EntryPoint) -> click.Command:

@@ -10,6 +10,7 @@ import click
 
 from orientd.cli.command import DeviceName, Partial, Topic, check_picture, need_extra
 from orientd.cli.commands.compare import Ends, Times, need_two
+from orientd.cli.installed import recordings_reader
 from orientd.cli.output import Output, table, working
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError, RequestError
@@ -121,7 +122,6 @@ def _draw_recording(
         load_recording,
         marks,
         planned_orientations,
-        read_orientations,
     )
 
     if file.suffix == ".mcap" and not topic:
@@ -141,7 +141,7 @@ def _draw_recording(
                 title=f"{file.name}: {name}",
             )
             return (recording.damages.describe(),) if recording.damages else ()
-    found = read_orientations(file, topic, partial=partial)
+    found = recordings_reader()(file, topic, partial=partial)
     title = ": ".join(filter(None, (file.name, found.topic)))
     plots.draw_orientations(path, found.times, found.q, title=title)
     return (f"drawn by {found.clock}", *found.notes)

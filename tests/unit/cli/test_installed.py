@@ -1,4 +1,4 @@
-"""Commands of packages that the core does not know, found by their entry points."""
+"""Commands and readers of packages that the core does not know, found by their entry points."""
 
 import os
 import re
@@ -96,3 +96,41 @@ print([name for name in sys.modules if name == "importlib.metadata"])
 )
 def test_a_name_that_has_moved_says_where_it_is(orientd, asked, now):
     assert now in orientd(python=("-c", asked)).stderr.splitlines()[-1]
+
+
+PLOT = """
+import sys
+from importlib import metadata
+found = metadata.entry_points
+def entry_points(group):
+    return [ENTRIES] if group == "orientd.recordings" else found(group=group)
+metadata.entry_points = entry_points
+from orientd.cli.start import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("entries", "line"),
+    [
+        (
+            "",
+            "no installed package reads recordings of other programs: pip install "
+            "--force-reinstall 'orientd-motion[record]'",
+        ),
+        (
+            "metadata.EntryPoint('a', 'nowhere:read', group)",
+            "cannot load nowhere:read, which reads recordings of other programs: No module named "
+            "'nowhere'",
+        ),
+    ],
+)
+def test_a_foreign_recording_without_a_reader_is_one_line(orientd, tmp_path, entries, line):
+    table, picture = tmp_path / "a.csv", tmp_path / "a.svg"
+    table.write_text("time_s,qw,qx,qy,qz\n0,1,0,0,0\n1,0,1,0,0\n")
+    words = ["plot", str(table), "-o", str(picture)]
+    code = PLOT.replace("ENTRIES", entries)
+    result = orientd(*words, python=("-c", code))
+    assert (result.returncode, result.stderr) == (1, f"orientd: {line}\n")
+    assert orientd(*words).returncode == 0
+    assert picture.exists()
