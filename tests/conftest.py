@@ -36,6 +36,7 @@ for folder in (
     "unit/planner",
     "unit/viewer",
     "unit/recorder",
+    "unit/replay",
     "unit/driver_ur",
     "unit/dynamixel_bus",
     "system",

@@ -20,7 +20,7 @@ PACKAGES = {
     "orientd": "",
     **dict.fromkeys(
         ("orientd_alpaca", "orientd_batch", "orientd_bluesky", "orientd_diffusion_policy",
-         "orientd_mavlink", "orientd_rotctld", "orientd_serving"), "adapters"),
+         "orientd_mavlink", "orientd_replay", "orientd_rotctld", "orientd_serving"), "adapters"),
     **dict.fromkeys(("orientd_dynamixel", "orientd_loopback", "orientd_ur"), "drivers"),
     **dict.fromkeys(("emulated_base", "emulated_dynamixel", "emulated_ur"), "sim"),
 }  # fmt: skip
@@ -39,7 +39,7 @@ NO_MODULE = ("orientd.kernels", "orientd")
 """The compiled library is no module that can be seen, and is taken for the whole package."""
 
 TESTED = {"unit/batch": "orientd_batch", "unit/mavlink": "orientd_mavlink",
-          "unit/rotctld": "orientd_rotctld",
+          "unit/replay": "orientd_replay", "unit/rotctld": "orientd_rotctld",
           "unit/driver_ur": "orientd_ur", "unit/driver_dynamixel": "orientd_dynamixel",
           "unit/sim_ur": "emulated_ur",
           "unit/dynamixel_bus": "emulated_dynamixel", "unit/sim_base": "emulated_base"}  # fmt: skip

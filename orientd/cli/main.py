@@ -34,7 +34,6 @@ _MODULES = {
     "compare": "compare",
     "plot": "plot",
     "record": "record export",
-    "replay": "replay",
     "device_commands": "stop halt pause resume speed enable disable reset",
     "doctor": "doctor",
     "view": "view",

@@ -1,7 +1,8 @@
 """Recordings: what was planned, sent and measured, in MCAP files that viewers open.
 
 Needs the extra ``record``: ``mcap`` and Foxglove's schemas, imported where a file
-is read or written.
+is read or written.  Packages that read recordings of other programs also use ``mcap_records``,
+``reader`` and ``writer``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.recorder.columns import COLUMNS, CYCLES, FLAGS, Table, from_records
-    from orientd.recorder.orientations import Orientations, read_orientations
     from orientd.recorder.planned import marks, planned_orientations
     from orientd.recorder.reader import NotOursError, load_recording
     from orientd.recorder.session import DaemonRecorder, LiveRecording, RecordingSession
@@ -28,10 +28,6 @@ __getattr__ = lazily(
             "FLAGS",
             "Table",
             "from_records",
-        ),
-        "orientd.recorder.orientations": (
-            "Orientations",
-            "read_orientations",
         ),
         "orientd.recorder.planned": (
             "marks",

@@ -16,10 +16,11 @@ import orientd
 from orientd import config, motion_file
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import RecordingWriter, load_recording, marks, read_orientations
+from orientd.recorder import RecordingWriter, load_recording, marks
 from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.tables import columns
 from orientd_batch import open_requests
+from orientd_replay import read_orientations
 
 MOST_MIB = 300
 CONFIG = Path(__file__).parents[2] / "config"

@@ -15,7 +15,8 @@ from orientd.errors import DaemonError
 from orientd.fleet import FleetMotion, move_together
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording, planned_orientations, read_orientations
+from orientd.recorder import load_recording, planned_orientations
+from orientd_replay import read_orientations
 
 pytest.importorskip("zenoh")
 pytest.importorskip("mcap")

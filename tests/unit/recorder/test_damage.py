@@ -11,9 +11,10 @@ from mcap.writer import Writer
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording, read_orientations
+from orientd.recorder import load_recording
 from orientd.recorder.mcap_records import LARGEST_CHUNK, Damages, records
 from orientd.recorder.writer import RecordingError, RecordingWriter
+from orientd_replay import read_orientations
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
 COUNT = 600

@@ -22,8 +22,8 @@ import numpy as np
 
 from orientd.files import MEBIBYTE, check_regular
 from orientd.one_line import counted, one_line
-from orientd.recorder.samples import NO_TIME, Samples
 from orientd.recorder.writer import RecordingError
+from orientd_replay.samples import NO_TIME, Samples
 
 TUM_ENDINGS = (".tum", ".txt")
 """Of files with `timestamp tx ty tz qx qy qz qw` in each line."""

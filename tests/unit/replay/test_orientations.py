@@ -10,10 +10,8 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd import rotation
-from orientd.recorder import reader
-from orientd.recorder.orientations import read_orientations
-from orientd.recorder.tables import export
-from orientd.recorder.writer import RecordingError, RecordingWriter
+from orientd.recorder import RecordingError, RecordingWriter, export, reader
+from orientd_replay import read_orientations
 
 TIMES = 1000.0 + 0.05 * np.arange(20)
 Q = rotation.exp(np.outer(0.05 * np.arange(20), [0.0, 0.6, 0.8]))

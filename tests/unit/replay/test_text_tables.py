@@ -10,7 +10,8 @@ import pytest
 from command_line import assert_refused, orientd
 
 from orientd import rotation
-from orientd.recorder import RecordingError, read_orientations
+from orientd.recorder import RecordingError
+from orientd_replay import read_orientations
 
 CASES = int(os.environ.get("ORIENTD_CASES", "10"))
 START_NS = 1_403_636_579_758_555_392

@@ -18,7 +18,7 @@ from orientd.cli.command import (
     need_extra,
 )
 from orientd.cli.output import Output, working
-from orientd.cli.parameters import Argument, Option
+from orientd.cli.parameters import Argument, Option, command
 from orientd.one_line import counted
 
 if TYPE_CHECKING:
@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from orientd.curves import Fit
     from orientd.planner import MotionRequest
     from orientd.protocol import control_pb2 as pb
-    from orientd.recorder import Orientations
+    from orientd_replay import Orientations
 
 
 Pace = Literal["recorded", "minimum"]
 """Speed of a replay."""
 
 
+@command
 def replay(
     to: Commander,
     out: Output,
@@ -76,7 +77,7 @@ def replay(
     need_extra("record")
     from orientd.cli.following import conclude, follow
     from orientd.curves import fit_orientations
-    from orientd.recorder import read_orientations
+    from orientd_replay import read_orientations
 
     if not 0.0 < error < 180.0:
         raise click.BadParameter(

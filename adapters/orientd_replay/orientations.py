@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from orientd.one_line import one_line
-from orientd.recorder import bags
 from orientd.recorder.mcap_records import Damages, NotMcapError
 from orientd.recorder.reader import (
     NotOursError,
@@ -29,11 +28,12 @@ from orientd.recorder.reader import (
     messages,
     reading,
 )
-from orientd.recorder.samples import NO_TIME, Samples, check_order, usable
-from orientd.recorder.text_tables import TUM_ENDINGS, read_table
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
+from orientd_replay import bags
+from orientd_replay.samples import NO_TIME, Samples, check_order, usable
+from orientd_replay.text_tables import TUM_ENDINGS, read_table
 
 _NESTS = ("pose", "transform", "odometry")
 _NAMES = ("orientation", "rotation", "quaternion", "q")

@@ -1,0 +1,6 @@
+"""Read recordings of other programs as orientations over time, and replay them.
+
+MCAP files with poses, ROS 2 bags, tables and trajectories in text.
+"""
+
+from orientd_replay.orientations import Orientations, read_orientations
