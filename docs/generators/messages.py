@@ -17,7 +17,7 @@ from pathlib import Path
 from orientd import errors
 from orientd.errors import Fault, OrientdError
 
-SOURCES = ("orientd", "drivers")
+SOURCES = ("orientd", "adapters", "drivers")
 GUIDE = "how-to/troubleshooting.md"
 # Modules with errors of their own: their messages stand with the public error above.
 MORE_ERRORS = (

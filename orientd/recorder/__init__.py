@@ -7,7 +7,7 @@ is read or written.  Packages that read recordings of other programs also use ``
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orientd.lazy import lazily
 
@@ -19,7 +19,13 @@ if TYPE_CHECKING:
     from orientd.recorder.tables import export
     from orientd.recorder.writer import RecordingError, RecordingWriter
 
-__getattr__ = lazily(
+_MOVED = {
+    "Orientations": "orientd_replay.Orientations",
+    "read_orientations": "orientd_replay.read_orientations",
+}
+"""Names of version 0.2 and where they are now."""
+
+_find = lazily(
     __name__,
     {
         "orientd.recorder.columns": (
@@ -49,3 +55,10 @@ __getattr__ = lazily(
         ),
     },
 )
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for
+    if name in _MOVED:
+        # `from orientd.recorder import` hides the message of an AttributeError.
+        raise ImportError(f"orientd.recorder.{name} is now {_MOVED[name]}")
+    return _find(name)

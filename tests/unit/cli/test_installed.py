@@ -91,6 +91,9 @@ print([name for name in sys.modules if name == "importlib.metadata"])
         ("from orientd import satellite_pass", "orientd_rotctld.satellite_pass"),
         ("import orientd; orientd.satellite_pass", "orientd_rotctld.satellite_pass"),
         ("from orientd.adapters import RotationAxis", "orientd_bluesky"),
+        ("from orientd.recorder import read_orientations", "orientd_replay.read_orientations"),
+        ("import orientd.recorder as r; r.read_orientations", "orientd_replay.read_orientations"),
+        ("from orientd.recorder import Orientations", "orientd_replay.Orientations"),
         ("from orientd.compat import RTDEInterpolationController", "orientd_diffusion_policy"),
     ],
 )
