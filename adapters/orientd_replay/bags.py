@@ -12,7 +12,7 @@ from typing import Any
 
 from orientd.errors import OrientdError
 from orientd.files import MEBIBYTE, check_regular
-from orientd.recorder.mcap_records import Damages
+from orientd.recorder.mcap_file import Damages
 from orientd.recorder.writer import RecordingError
 
 LEAVE_OUT = "`--partial` (in Python `partial=True`) leaves out such messages"

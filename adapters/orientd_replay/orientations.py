@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from orientd.one_line import one_line
-from orientd.recorder.mcap_records import Damages, NotMcapError
+from orientd.recorder.mcap_file import Damages, NotMcapError
 from orientd.recorder.reader import (
     NotOursError,
     Recording,
@@ -72,7 +72,8 @@ def read_orientations(path: Path | str, topic: str = "", *, partial: bool = Fals
             bag: its folder or its .db3 file.
         topic: of an MCAP file or a bag, with ``#CHILD`` for one frame of several.  In a csv file,
             the part of the column names before ``_qw`` or ``_w``.
-        partial: whether to read the rest of a cut or damaged MCAP file or bag.
+        partial: whether to read a cut or damaged MCAP file as far as that goes, and to leave out
+            damaged messages.
 
     Raises:
         RecordingError: the file cannot be read, has no such topic or several, is damaged, more than

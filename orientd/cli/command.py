@@ -51,7 +51,7 @@ Socket = Annotated[
     Option("--socket", help="Socket of the daemon.", envvar="ORIENTD_SOCKET", show_envvar=True),
 ]
 Partial = Annotated[
-    bool, Option("--partial", help="Read as much as possible of a cut or damaged recording.")
+    bool, Option("--partial", help="Read a cut or damaged recording as far as possible.")
 ]
 Topic = Annotated[
     str, Option("--topic", "-t", help="Topic of the orientation, if there are several.")

@@ -1,7 +1,7 @@
 """Recordings: what was planned, sent and measured, in MCAP files that viewers open.
 
 Needs the extra ``record``: ``mcap`` and Foxglove's schemas, imported where a file
-is read or written.  Packages that read recordings of other programs also use ``mcap_records``,
+is read or written.  Packages that read recordings of other programs also use ``mcap_file``,
 ``reader`` and ``writer``.
 """
 

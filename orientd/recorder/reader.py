@@ -1,4 +1,4 @@
-"""Read the cycles and events of a recording, of a damaged one on request."""
+"""Read the cycles and events of a recording, on request also of a cut or damaged one."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import blocks
+from orientd.recorder import earlier
 from orientd.recorder.columns import SCHEMA_NAME, Layout, Table
-from orientd.recorder.mcap_records import Damages, records
+from orientd.recorder.mcap_file import Damages, records
 from orientd.recorder.writer import RecordingError
 from orientd.stream import ServoState
 
@@ -34,7 +34,7 @@ class Recording:
         events: of all devices, in order.
         facts: the metadata ``orientd``.
         offset_ns: from the monotonic clock to the time of day.
-        damages: the parts that cannot be read.
+        damages: how far the file can be read.
         path: of the file.
     """
 
@@ -106,7 +106,7 @@ def load_recording(path: Path | str, *, partial: bool = False) -> Recording:
 
     Args:
         path: of the file.
-        partial: whether to read the rest of a cut or damaged one.
+        partial: whether to read a cut or damaged one as far as that goes.
 
     Raises:
         RecordingError: it cannot be read, is not of orientd, or is damaged.
@@ -130,7 +130,7 @@ class _Cycles:
         self._topic = topic
         self._tables: list[Table] = []
         self._messages: list[bytes] = []
-        is_block = schema.name == blocks.SCHEMA_NAME
+        is_block = schema.name == earlier.SCHEMA_NAME
         with decoding(path, topic):
             self._decode = DecoderFactory().decoder_for("protobuf", schema) if is_block else None
             self._layout = None if is_block else Layout(schema.data.decode())
@@ -150,7 +150,7 @@ class _Cycles:
         with decoding(self._path, self._topic):
             if self._decode is not None:
                 for message in self._messages:
-                    self._tables.append(blocks.cycles_of(self._decode(message), len(message)))
+                    self._tables.append(earlier.cycles_of(self._decode(message), len(message)))
             elif self._layout is not None and self._messages:
                 self._tables.append(self._layout.cycles(self._messages))
         self._messages = []
@@ -161,7 +161,7 @@ def _load(path: Path, *, partial: bool) -> Recording:
     cycles: dict[str, _Cycles] = {}
     for channel, schema, message in messages(path, recording, partial=True):
         kind = schema.name if schema is not None else ""
-        if schema is not None and kind in (SCHEMA_NAME, blocks.SCHEMA_NAME):
+        if schema is not None and kind in (SCHEMA_NAME, earlier.SCHEMA_NAME):
             device = channel.topic.rpartition("/")[0].removeprefix("/")
             if device not in cycles:
                 cycles[device] = _Cycles(path, channel.topic, schema)
@@ -182,16 +182,16 @@ def _load(path: Path, *, partial: bool) -> Recording:
 
 
 def _not_whole(path: Path, recording: Recording) -> RecordingError:
-    words = "; ".join([recording.damages.describe(), *_to_go(recording)])
-    return RecordingError(
-        f"{path} is not whole: {words}; `--partial` (in Python `partial=True`) takes what can be "
-        "read"
-    )
+    partial = "`--partial` (in Python `partial=True`) takes what can be read"
+    words = recording.damages.describe(*_to_go(recording), partial)
+    return RecordingError(f"{path} is not whole: {words}")
 
 
 def _to_go(recording: Recording) -> Iterator[str]:
-    """Yield the missing part of each motion that ran when the recording was cut."""
-    for device, cycles in recording.cycles.items() if recording.damages.is_cut else ():
+    """Yield the missing part of each motion that runs in the last cycle that can be read."""
+    damages = recording.damages
+    is_missing = damages.is_short and not damages.has_data
+    for device, cycles in recording.cycles.items() if is_missing else ():
         last = cycles[-1]
         begun = [
             event
@@ -215,7 +215,7 @@ def messages(
     Args:
         path: of the file.
         recording: receives the damages and the facts.
-        partial: whether to read the rest of a cut or damaged file.
+        partial: whether to read a cut or damaged file as far as that goes.
 
     Raises:
         OSError: the file cannot be read.

@@ -17,7 +17,7 @@ from orientd import config, motion_file
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import RecordingWriter, load_recording, marks
-from orientd.recorder.mcap_records import Damages, records
+from orientd.recorder.mcap_file import Damages, records
 from orientd.recorder.tables import columns
 from orientd_batch import open_requests
 from orientd_replay import read_orientations

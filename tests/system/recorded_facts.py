@@ -6,7 +6,7 @@ from typing import NamedTuple
 from mcap.records import Attachment, Channel, Message, Metadata
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder.mcap_records import Damages, records
+from orientd.recorder.mcap_file import Damages, records
 from orientd.recorder.writer import CLOCK, CONFIGURATION
 
 

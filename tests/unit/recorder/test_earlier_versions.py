@@ -8,7 +8,7 @@ from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import load_recording
-from orientd.recorder.blocks import cycles_of
+from orientd.recorder.earlier import cycles_of
 from orientd.stream import ServoState
 from orientd_replay import read_orientations
 

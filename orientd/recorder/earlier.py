@@ -1,4 +1,4 @@
-"""Cycles of recordings up to version 0.2: blocks of columns, differenced from row to row."""
+"""Read cycles of version 0.2 and before: blocks of columns, differenced from row to row."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.recorder.columns import AXES, COLUMNS, Table, numbers, without_numbers
+from orientd.recorder.columns import CYCLES, Table, numbers, without_numbers
 from orientd.stream import CycleFlag
 
 SCHEMA_NAME = "orientd.v1.CycleBlock"
@@ -19,7 +19,7 @@ _MOST_DIFFERENCES = 3
 
 
 def cycles_of(block: Any, size: int) -> Table:  # noqa: ANN401 - decoded by the schema in the file
-    """Return the cycles of a block; axis angles are NaN in files from before they had them.
+    """Return the cycles of a block; axis angles that the file does not have are NaN.
 
     Args:
         block: as a message of ``orientd.v1.CycleBlock``.
@@ -33,17 +33,11 @@ def cycles_of(block: Any, size: int) -> Table:  # noqa: ANN401 - decoded by the 
     if count > size:
         raise ValueError("more cycles than it has bytes for")
     table = without_numbers(count)
-    for column in COLUMNS:
-        name = column.name
-        if not name or name == "feedback_time_ns":
-            continue
+    for name in CYCLES.names or ():
         content = _content(getattr(block, name, None), count)
-        if column.type == AXES:
-            table[name][:, : content.shape[1]] = content
-        elif name != "planned_q":
-            table[name] = content.reshape(table[name].shape)
-    names = [_STATES[number] for number in table["state"].tolist()]
-    table["state"] = numbers("state", names)
+        target = table[name] if table[name].ndim > 1 else table[name][:, None]
+        target[:, : content.shape[1]] = content
+    table["state"] = numbers("state", [_STATES[number] for number in table["state"].tolist()])
     due, age = table["deadline_ns"], _content(block.feedback_age_ns, count)[:, 0]
     table["feedback_time_ns"] = np.where(table["flags"] & CycleFlag.FEEDBACK, due - age, 0)
     return table
