@@ -196,7 +196,7 @@ def _add(rows: dict[str, _Rows], topic: str, recorded_ns: int, message: object) 
     """Add the orientations in a message, with the time of recording and its own stamp."""
     for child, stamp, q in _orientations(message):
         samples = rows.setdefault(f"{topic}#{child}" if child else topic, _Rows())
-        samples.recorded.append(recorded_ns)
+        samples.recorded.append(recorded_ns if abs(recorded_ns) < _LATEST else NO_TIME)
         samples.stamps.append(stamp)
         samples.q.extend(q)
 

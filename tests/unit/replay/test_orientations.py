@@ -518,6 +518,22 @@ def test_messages_of_any_content_do_no_harm(tmp_path, message):
     assert len(found.times) - np.count_nonzero(np.isnan(found.times)) in (19, 20)
 
 
+def test_a_time_of_recording_beyond_all_clocks_is_no_time(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/head", "json", 0)
+        for k in range(20):
+            content = json.dumps({"q": named(Q[k])}).encode()
+            time = 2**64 - 1 if k == 7 else k
+            writer.add_message(channel, log_time=time, data=content, publish_time=k)
+        writer.finish()
+    found = read_orientations(path)
+    assert np.flatnonzero(np.isnan(found.times)).tolist() == [7]
+    assert "1 of 20 samples without a time or number (first in sample 7)" in found.notes[0]
+
+
 def test_a_message_that_cannot_be_decoded_is_damage(tmp_path):
     path = tmp_path / "a.mcap"
     with path.open("wb") as stream:
