@@ -1,7 +1,7 @@
 """Read an MCAP file with the library's reader, and say how far that goes.
 
-The reader stops at the first record that it cannot read: at the end of a file whose recorder was
-killed or whose disk was full, or at a damaged part.  ``mcap recover``, a command of MCAP, makes a
+The reader stops at the first record that it cannot read.  That is the end of a file whose recorder
+was killed or whose disk was full, or a damaged part.  ``mcap recover``, a command of MCAP, makes a
 whole file of such a file and passes over damaged chunks.
 """
 
@@ -12,9 +12,8 @@ import dataclasses
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import BytesIO
+from io import BufferedReader, BytesIO
 from pathlib import Path
-from typing import IO
 
 from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import EndOfFile
@@ -147,13 +146,13 @@ def _check_magic(path: Path, magic: bytes) -> None:
     raise NotMcapError(f"{path}: not an MCAP file; expected a recording (.mcap)")
 
 
-def _has_end(stream: IO[bytes]) -> bool:
+def _has_end(stream: BufferedReader) -> bool:
     """Return whether a file that begins as an MCAP file also ends as one."""
     is_longer = stream.seek(-len(MCAP0_MAGIC), os.SEEK_END) > 0
     return is_longer and stream.read() == MCAP0_MAGIC
 
 
-def _each(stream: IO[bytes], damages: Damages) -> Iterator[McapRecord]:
+def _each(stream: BufferedReader, damages: Damages) -> Iterator[McapRecord]:
     """Yield the records of a file, and note where each of them ends.
 
     Raises:
@@ -174,6 +173,9 @@ def _each(stream: IO[bytes], damages: Damages) -> Iterator[McapRecord]:
         else:
             yield record
         damages.reached = stream.tell()
+        # A lost write leaves zeros, which the reader takes for millions of empty records.
+        if stream.peek(1)[:1] == b"\0":
+            raise ValueError("no record begins with a zero")
 
 
 def _inside(chunk: Chunk) -> Iterator[McapRecord]:

@@ -125,11 +125,13 @@ def test_what_is_cut_behind_the_data_takes_nothing_of_it(whole, tmp_path):
 
 def test_a_tail_of_zeros_is_no_data(whole, tmp_path):
     content, cycles = whole
-    path = tmp_path / "zeros.mcap"
-    size = len(content) // 2
-    path.write_bytes(content[:size] + bytes(len(content) - size))
-    assert "it has no end" in refusal(path)
-    assert 0 < rest(path, cycles) < COUNT
+    path, places = tmp_path / "zeros.mcap", chunk_places(content)
+    between = places[COUNT // 50] - 100 - 41  # two records
+    for size in (len(content) // 2, between):
+        path.write_bytes(content[:size] + bytes(4_000_000))
+        assert "it has no end" in refusal(path)
+        assert 0 < rest(path, cycles) < COUNT
+    assert load_recording(path, partial=True).damages.reached == between
 
 
 def test_a_file_is_read_up_to_a_flipped_bit_and_its_place_is_named(whole, tmp_path):
