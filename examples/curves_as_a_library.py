@@ -12,4 +12,4 @@ curve = orientd.curves.METHODS["c2_cumulative"](keys=keys, **asked)  # curve(t) 
 q, omega_body, alpha_body = pickle.loads(pickle.dumps(curve)).evaluate([0.0, 1.5, 4.0])  # rad/s
 motion = orientd.plan(keys, **asked, approach=True)  # with lead-in, lead-out and certificate
 motion.save("turn.npz")
-orientd.load_motion("turn.npz").plot("turn.svg")  # this one line needs Matplotlib
+orientd.plots.draw(orientd.load_motion("turn.npz"), "turn.svg")  # this one line needs Matplotlib

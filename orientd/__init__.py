@@ -6,7 +6,7 @@ TYPE_CHECKING = False  # of typing, without loading it: a stop from the shell wa
 if TYPE_CHECKING:
     from typing import Any
 
-    from orientd import curves
+    from orientd import curves, plots
     from orientd.client.robot import connect
     from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
@@ -24,6 +24,7 @@ __all__ = [
     "curves",
     "load_motion",
     "plan",
+    "plots",
     "samples",
     "word",
 ]
@@ -39,6 +40,7 @@ _HOMES = {
     "curves": "orientd.curves",
     "load_motion": "orientd.planner.saved:load_motion",
     "plan": "orientd.planner.offline:plan_offline",
+    "plots": "orientd.plots",
     "samples": "orientd.protocol.reports:samples",
     "word": "orientd.protocol.reports:word",
 }

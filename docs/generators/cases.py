@@ -10,6 +10,7 @@ from typing import Any
 from orientd import motion_file
 from orientd.errors import OrientdError
 from orientd.planner import DEFAULT_LIMITS, State, plan
+from orientd.plots import draw
 
 FOLDER = "explanation/curves"
 START = State.at_rest((1.0, 0.0, 0.0, 0.0))
@@ -51,7 +52,7 @@ def _case(number: int, case: Mapping[str, Any], file: Path) -> str:
     picture = file.parent / "pictures" / f"case-{number}.png"
     picture.parent.mkdir(exist_ok=True)
     if not picture.exists() or picture.stat().st_mtime < file.stat().st_mtime:
-        motion.plot(picture, title=title)
+        draw(motion, picture, title=title)
     notes = "".join(f"The certificate notes: {note}.\n\n" for note in motion.certificate.notes)
     shown = f"{title}: paths of the axes, velocity, acceleration"
     return f"{text}{notes}![{shown}](pictures/{picture.name})\n"

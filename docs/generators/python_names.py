@@ -21,6 +21,7 @@ FRONTS = {
     "orientd.protocol": "What turns the messages of the protocol into values and back.",
     "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
     "orientd.planner": "From a request to an immutable motion with its certificate.",
+    "orientd.plots": "Pictures of curves and motions; they need Matplotlib.",
     "orientd.driver": "What a device must do for the servo, and how it is found.",
     "orientd.mechanism": "Axes with limits that pose a tool: what a driver hands to the planner.",
     "orientd.testing": "A conformance suite for drivers.",
@@ -51,6 +52,7 @@ CHOSEN = {
         "to_vector",
         "plain",
     ],
+    "orientd.plots": ["Picture", "draw", "draw_sheet", "picture"],
     "orientd.mechanism": ["Gimbal", "Mechanical", "Mechanism", "Reserve"],
     "orientd.testing": ["DriverConformance"],
 }

@@ -32,7 +32,7 @@ from orientd.curves.keyframes import (
 )
 from orientd.curves.roles import Family, own_names
 from orientd.curves.trajectory import Samples, Trajectory
-from orientd.drawing import Drawable
+from orientd.errors import OrientdError
 from orientd.rotation import Floats, to_scipy, unnamed
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ SHARED = {
 """Parameters that many families share, with the text for their docstrings."""
 
 
-class Curve(Family, Drawable):
+class Curve(Family):
     """A curve of orientations over a time interval.
 
     A family takes the keyword arguments named in :attr:`takes`.  Every family also takes ``keys``,
@@ -155,6 +155,14 @@ class Curve(Family, Drawable):
     def knots(self) -> Floats:
         """The times at which the formula changes, and both ends, increasing, in seconds."""
         return self._knots
+
+    def plot(self, *_: object, **__: object) -> None:
+        """Say which function draws a curve; version 0.2 drew it here.
+
+        Raises:
+            OrientdError: always.
+        """
+        raise OrientdError("curve.plot(path) is now orientd.plots.draw(curve, path)")
 
     @property
     def domain(self) -> tuple[float, float]:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
-from orientd.drawing import Drawable
 from orientd.driver import Vector3
+from orientd.errors import OrientdError
 from orientd.keep_out import KeepOut
 from orientd.model import Limits, MotionRequest, written_cone
 from orientd.planner.certify import Certificate, before
@@ -36,7 +36,7 @@ _COMPARED = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion(Drawable):
+class Motion:
     """A motion that keeps its limits, from rest to rest.
 
     Two motions are equal if they have the same request, records and certificate, whatever their
@@ -106,6 +106,14 @@ class Motion(Drawable):
         """
         times = np.asarray(path_times, dtype=np.float64)
         return to_scipy(self.sample(times.reshape(-1)).q.reshape(*times.shape, 4))
+
+    def plot(self, *_: object, **__: object) -> None:
+        """Say which function draws a motion; version 0.2 drew it here.
+
+        Raises:
+            OrientdError: always.
+        """
+        raise OrientdError("motion.plot(path) is now orientd.plots.draw(motion, path)")
 
     def save(self, path: str | FilePath) -> None:
         """Write the motion with its certificate to a file that :func:`orientd.load_motion` reads.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from orientd.plots.charts import Traces
 from orientd.plots.chunks import Played, draw_played
 from orientd.plots.gallery import draw_family, draw_gallery
-from orientd.plots.motion import draw_alone, draw_sent, draw_traces, png_of
+from orientd.plots.motion import Picture, draw, draw_sent, draw_traces, picture
 from orientd.plots.paper import check_format, is_available
 from orientd.plots.papers.figures import FIGURES, draw_figure
 from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone

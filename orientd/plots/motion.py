@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orientd.curves import Curve, CurveTask, check_keys, resolve_times
-from orientd.errors import OrientdError
 from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
 from orientd.plots.cones import draw_cones
 from orientd.plots.paper import INK, QUIET, check_format, new_figure, save
@@ -30,8 +30,27 @@ _DPI = 80
 """Of a picture in a notebook."""
 
 
-def draw_alone(path: str | Path, shown: Curve | Motion, *, title: str = "") -> None:
-    """Draw a curve, or a motion, to *path*, whose ending names the format.
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture that a notebook displays.
+
+    Attributes:
+        png: the bytes of a PNG file.
+    """
+
+    png: bytes
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+
+def draw(shown: Curve | Motion, path: str | Path, *, title: str = "") -> None:
+    """Draw a curve or a motion to a file: orientations, angular velocity and acceleration.
+
+    Args:
+        shown: the curve or the motion.
+        path: the file; it ends in .png, .svg or .pdf.
+        title: above the picture; by default the name of the method.
 
     Raises:
         OrientdError: the file cannot be written, its ending names no format of a picture, or
@@ -40,15 +59,16 @@ def draw_alone(path: str | Path, shown: Curve | Motion, *, title: str = "") -> N
     draw_traces(Path(path), _traces(shown), title=title or _title(shown))
 
 
-def png_of(shown: Curve | Motion) -> bytes | None:
-    """Return the picture for a notebook; ``None`` where Matplotlib is not installed."""
-    try:
-        figure = figure_of(_traces(shown), title=_title(shown))
-    except OrientdError:
-        return None
-    picture = BytesIO()
-    save(figure, picture, dpi=_DPI)
-    return picture.getvalue()
+def picture(shown: Curve | Motion, *, title: str = "") -> Picture:
+    """Return the picture of a curve or a motion for a notebook; otherwise like :func:`draw`.
+
+    Raises:
+        OrientdError: Matplotlib is not installed.
+    """
+    figure = figure_of(_traces(shown), title=title or _title(shown))
+    png = BytesIO()
+    save(figure, png, dpi=_DPI)
+    return Picture(png.getvalue())
 
 
 def _traces(shown: Curve | Motion) -> Traces:

@@ -27,8 +27,13 @@ def motion(count=3):
 @pytest.mark.parametrize("count", [2, 80])
 def test_a_motion_is_drawn(tmp_path, count):
     path = tmp_path / "motion.png"
-    motion(count).plot(path, title="a motion")
+    plots.draw(motion(count), path, title="a motion")
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_plot_of_a_motion_names_the_function_that_draws_it(tmp_path):
+    with pytest.raises(OrientdError, match=r"orientd\.plots\.draw\(motion, path\)"):
+        motion().plot(tmp_path / "motion.png")
 
 
 @pytest.mark.parametrize("has_feedback", [True, False])
@@ -51,5 +56,5 @@ def test_what_was_sent_is_drawn(tmp_path, has_feedback):
 )
 def test_what_cannot_be_written_is_said_in_one_line(tmp_path, name, complaint):
     with pytest.raises(OrientdError, match=complaint) as caught:
-        motion().plot(tmp_path / name, title="a motion")
+        plots.draw(motion(), tmp_path / name, title="a motion")
     assert "\n" not in str(caught.value)

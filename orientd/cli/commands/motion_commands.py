@@ -88,8 +88,10 @@ def plan(
     if output is not None:
         sample_files.write(output, samples, planned.certificate)
     if plot is not None:
+        from orientd import plots
+
         with working(f"drawing {plot}"):
-            motion.plot(plot, title=f"{file.name}: {request.method}")
+            plots.draw(motion, plot, title=f"{file.name}: {request.method}")
     out.answer(
         {"plan": planned, "output": output, "plot": plot},
         f"{request.method} through {len(request.keyframes)} keyframes",

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from orientd import plots
 from orientd.curves import METHODS, ParameterError
+from orientd.errors import OrientdError
 from orientd.rotation import Quaternion, angle, conjugate, rotate
 
 GOLDEN = sorted((Path(__file__).parents[2] / "data" / "golden").glob("*.json"))
@@ -219,6 +221,11 @@ def test_importing_the_curves_is_quick_and_loads_nothing_of_the_daemon():
 def test_a_curve_shows_its_picture_in_a_notebook(tmp_path):
     pytest.importorskip("matplotlib")
     for name in ("kks_bspline", "slerp"):
-        assert made(name)._repr_png_().startswith(b"\x89PNG")
-    made("squad").plot(tmp_path / "squad.svg")
+        assert plots.picture(made(name))._repr_png_().startswith(b"\x89PNG")
+    plots.draw(made("squad"), tmp_path / "squad.svg")
     assert "trace-x" in (tmp_path / "squad.svg").read_text()
+
+
+def test_plot_of_a_curve_names_the_function_that_draws_it(tmp_path):
+    with pytest.raises(OrientdError, match=r"orientd\.plots\.draw\(curve, path\)"):
+        made("squad").plot(tmp_path / "squad.svg", title="squad")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from orientd import load_motion
+from orientd import load_motion, plots
 from orientd.errors import PlanError
 from orientd.keep_out import KeepOut
 from orientd.planner import (
@@ -222,6 +222,6 @@ def test_a_saved_motion_keeps_its_cones(tmp_path):
 
 
 def test_a_picture_of_a_motion_shows_its_cones(tmp_path):
-    planned(toward(80.0)).plot(tmp_path / "around.svg")
+    plots.draw(planned(toward(80.0)), tmp_path / "around.svg")
     text = (tmp_path / "around.svg").read_text(encoding="utf-8")
     assert 'id="keep-out-laser"' in text

@@ -11,6 +11,7 @@ from planned import LIMITS, random_motions
 from scipy.spatial.transform import Rotation
 
 import orientd
+from orientd import plots
 from orientd.driver import AxisLimits
 from orientd.errors import OrientdError, RequestError
 from orientd.mechanism import JointPath
@@ -225,7 +226,7 @@ def test_limits_of_a_plan_are_kept():
 
 def test_a_motion_shows_its_picture_in_a_notebook(tmp_path):
     pytest.importorskip("matplotlib")
-    assert MOTIONS["plain"]._repr_png_().startswith(b"\x89PNG")
+    assert plots.picture(MOTIONS["plain"])._repr_png_().startswith(b"\x89PNG")
     MOTIONS["plain"].save(tmp_path / "a.npz")
-    orientd.load_motion(tmp_path / "a.npz").plot(tmp_path / "a.svg")
+    plots.draw(orientd.load_motion(tmp_path / "a.npz"), tmp_path / "a.svg")
     assert "trace-x" in (tmp_path / "a.svg").read_text()
