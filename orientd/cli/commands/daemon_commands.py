@@ -142,24 +142,19 @@ def methods(
     out: Output,
     gallery: Annotated[
         Path | None,
-        Option("--gallery", metavar="DIR", help="Draw every method to a file in DIR."),
+        Option("--gallery", metavar="DIR", hidden=True, help="No longer there."),
     ] = None,
-    picture_format: Annotated[
-        Literal["svg", "png", "pdf"],
-        Option("--format", help="Format of these files."),
-    ] = "svg",
+    picture_format: Annotated[str, Option("--format", hidden=True, help="No longer there.")] = "",
 ) -> None:
     """List the interpolation methods.  Needs no daemon."""
     from orientd.daemon import known_methods
 
+    if gallery is not None or picture_format:
+        raise OrientdError(
+            "orientd methods draws no gallery any more; use `orientd compare FILE --plot PICTURE`, "
+            "or see the page Curves of the documentation"
+        )
     found = known_methods()
-    pictures: list[Path] = []
-    if gallery is not None:
-        from orientd import plots
-
-        for path in plots.draw_gallery(gallery, picture_format):
-            pictures.append(path)
-            out.say(f"wrote {path}")
     rows = [
         [
             method.name,
@@ -172,5 +167,4 @@ def methods(
         for method in found
     ]
     header = ["name", "interpolates", "local", "end velocities", "what it is"]
-    lines = table(header, rows) if gallery is None else []
-    out.answer({"methods": found, "gallery": pictures}, *lines)
+    out.answer({"methods": found}, *table(header, rows))

@@ -1,8 +1,9 @@
-"""Pictures: of the curve of a motion file, of a method, of a figure of the papers."""
+"""Pictures of the curve of a motion file, or of a recording."""
 
 from __future__ import annotations
 
 import contextlib
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,7 +12,7 @@ import click
 from orientd.cli.command import DeviceName, Partial, Topic, check_picture, need_extra
 from orientd.cli.commands.compare import Ends, Times, need_two
 from orientd.cli.installed import recordings_reader
-from orientd.cli.output import Output, table, working
+from orientd.cli.output import Output, working
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError, RequestError
 
@@ -21,33 +22,22 @@ Show = Literal["motion", "triads", "rates", "body"]
 RECORDINGS = (".mcap", ".csv", ".tum", ".txt", ".db3")
 """Suffixes of files that are no motion files."""
 
-
-def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the methods and figures that a shell may complete."""
-    del context, parameter
-    from orientd.curves import METHODS
-    from orientd.plots import FIGURES
-
-    return [name for name in (*METHODS, *FIGURES) if name.startswith(incomplete)]
+_FIGURES = re.compile(r"(nielson|kks)-\d+")
+"""Figures of the papers, which version 0.2 drew by their names."""
 
 
 def plot(
     out: Output,
-    what: Annotated[
-        str | None,
-        Argument(
-            metavar="FILE|NAME",
-            help="A motion file, a recording (.mcap, .csv, .tum, .txt), or the name of a method "
-            "or figure; without it, the names are listed.",
-            shell_complete=_names,
-        ),
+    file: Annotated[
+        Path | None,
+        Argument(metavar="FILE", help="A motion file, or a recording (.mcap, .csv, .tum, .txt)."),
     ] = None,
     output: Annotated[
         Path | None,
         Option(
             "--output",
             "-o",
-            help="A .svg, .png or .pdf file; default: NAME.svg in the current folder.",
+            help="A .svg, .png or .pdf file; default: FILE as .svg, in the current folder.",
         ),
     ] = None,
     show: Annotated[
@@ -69,45 +59,42 @@ def plot(
         ),
     ] = 0.0,
 ) -> None:
-    """Draw a motion file, a recording, a method or a paper's figure.
+    """Draw the curve of a motion file, or a recording.
 
     For a motion file, this draws only the curve, without lead-in and limits.  `orientd plan --plot`
-    draws the whole motion.  For a method, it draws an example.
+    draws the whole motion, and `orientd compare --plot` the curve of every method.
     """
-    from orientd import plots
-    from orientd.curves import METHODS
-
-    if what is None:
-        _list(out)
-        return
-    path = output or Path(f"{Path(what).stem}.svg")
+    if file is None:
+        raise click.UsageError(
+            "expected a motion file or a recording; `orientd methods` lists the methods",
+            click.get_current_context(),
+        )
+    path = output or Path(f"{file.stem}.svg")
     check_picture(path, named="--output")
     notes: tuple[str, ...] = ()
     with working(f"drawing {path}"):
-        if what in METHODS:
-            plots.draw_family(path, what)
-        elif what in plots.FIGURES:
-            plots.draw_figure(path, what)
-        elif Path(what).suffix in RECORDINGS and Path(what).exists():
-            notes = _draw_recording(Path(what), path, device, topic, partial=partial, last=last)
-        elif Path(what).exists():
-            _draw_file(Path(what), path, show, times, ends)
+        if not file.exists():
+            raise OrientdError(f"{str(file)!r} is no file{_instead(str(file))}")
+        if file.suffix in RECORDINGS:
+            notes = _draw_recording(file, path, device, topic, partial=partial, last=last)
         else:
-            raise OrientdError(
-                f"{what!r} is neither a file nor a name; `orientd plot` lists the names"
-            )
+            _draw_file(file, path, show, times, ends)
     lines = [*(f"note: {note}" for note in notes), f"wrote {path}"]
     out.answer({"plot": path, "notes": notes}, *lines)
 
 
-def _list(out: Output) -> None:
+def _instead(name: str) -> str:
+    """Return a hint at what serves in place of a *name* that version 0.2 drew."""
     from orientd.curves import METHODS
-    from orientd.plots import FIGURES
 
-    families = {name: family.summary for name, family in METHODS.items()}
-    figures = {name: " ".join(figure.title.split()) for name, figure in FIGURES.items()}
-    lines = table(["name", "what is drawn"], [*families.items(), *figures.items()])
-    out.answer({"families": families, "figures": figures}, *lines)
+    if name in METHODS:
+        return (
+            f"; set `method: {name}` in a motion file, or see its picture in the documentation, "
+            "page Curves"
+        )
+    if _FIGURES.fullmatch(name):
+        return "; see the figures of the papers in the documentation, page Figures of the papers"
+    return ""
 
 
 def _draw_recording(

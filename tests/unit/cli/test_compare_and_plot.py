@@ -179,25 +179,23 @@ def test_a_body_needs_positions(tmp_path):
     assert not (tmp_path / "x.svg").exists()
 
 
-def test_families_and_figures_are_drawn_by_name(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("squad", "set `method: squad` in a motion file, or see its picture in the documentation"),
+        ("kks-2", "see the figures of the papers in the documentation"),
+        ("nothing", "'nothing' is no file\n"),
+    ],
+)
+def test_a_name_that_is_no_file_is_refused_with_what_serves_instead(name, instead):
     pytest.importorskip("matplotlib")
-    monkeypatch.chdir(tmp_path)
-    for name in ("squad", "kks-2"):
-        assert run("plot", name).exit_code == 0
-        assert (tmp_path / f"{name}.svg").read_text().startswith("<?xml")
+    assert_refused(run("plot", name), f"{name!r} is no file", instead)
 
 
-def test_without_a_name_the_names_are_listed():
-    pytest.importorskip("matplotlib")
-    listed = told("plot")
-    assert set(listed["families"]) == set(METHODS)
-    assert "nielson-10" in listed["figures"]
-    assert "nielson-11" in run("plot").stdout
-
-
-def test_a_name_that_is_nothing_is_refused():
-    pytest.importorskip("matplotlib")
-    assert_refused(run("plot", "nothing"), "'nothing' is neither a file nor a name")
+def test_a_plot_needs_a_file():
+    assert_refused(
+        run("plot"), "expected a motion file or a recording", "`orientd methods`", status=2
+    )
 
 
 def test_a_family_that_cannot_join_the_keyframes_says_so(tmp_path):
@@ -208,13 +206,7 @@ def test_a_family_that_cannot_join_the_keyframes_says_so(tmp_path):
     assert_refused(done, "nielson_shieh cannot join these keyframes")
 
 
-def test_a_gallery_is_drawn_to_a_folder(tmp_path, monkeypatch):
-    pytest.importorskip("matplotlib")
-    from orientd.plots import gallery
-
-    monkeypatch.setattr(gallery, "METHODS", {"squad": METHODS["squad"]})
-    monkeypatch.setattr(gallery, "compare", curves.compare)
-    report = told("methods", "--gallery", tmp_path / "gallery", "--format", "png")
-    names = [Path(path).name for path in report["gallery"]]
-    assert names == ["squad.png", "all.png"]
-    assert all((tmp_path / "gallery" / name).stat().st_size > 10_000 for name in names)
+@pytest.mark.parametrize("option", ["--gallery", "--format"])
+def test_a_gallery_is_refused_with_what_serves_instead(tmp_path, option):
+    done = run("methods", option, tmp_path / "gallery")
+    assert_refused(done, "`orientd compare FILE --plot PICTURE`", "page Curves")
