@@ -19,6 +19,7 @@ from generators import (
     searched,
     sines,
 )
+from generators.papers import page as papers
 
 WHOLLY_MADE = ("reference/command-line", "reference/python")
 MADE_BY = "% Made from the code when the documentation is built; edit the code.\n\n"
@@ -37,6 +38,7 @@ def _write(source: Path) -> None:
         decisions,
         sines,
         passes,
+        papers,
     ):
         for name, text in module.pages(source):
             path = source / name

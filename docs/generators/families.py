@@ -7,9 +7,9 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+from generators.gallery import draw_gallery
+from generators.gallery import task_for as family_task
 from orientd.curves import METHODS, CurveTask, Figures, make_curve, measure
-from orientd.plots import draw_gallery
-from orientd.plots.gallery import task_for as family_task
 
 FOLDER = "explanation/curves"
 

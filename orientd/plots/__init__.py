@@ -1,13 +1,15 @@
-"""Pictures of curves and motions, by Matplotlib (extra ``plot``), as PNG, SVG or PDF."""
+"""Pictures of curves and motions, by Matplotlib (extra ``plot``), as PNG, SVG or PDF.
+
+Start with :func:`draw`.  Programs that draw charts of their own also use the modules ``paper``,
+``view``, ``triads``, ``bodies`` and ``sampling``.
+"""
 
 from __future__ import annotations
 
 from orientd.plots.charts import Traces
 from orientd.plots.chunks import Played, draw_played
-from orientd.plots.gallery import draw_family, draw_gallery
 from orientd.plots.motion import Picture, draw, draw_sent, draw_traces, picture
 from orientd.plots.paper import check_format, is_available
-from orientd.plots.papers.figures import FIGURES, draw_figure
 from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
 from orientd.plots.punctuality import Timing
 from orientd.plots.recording import draw_orientations, draw_recording

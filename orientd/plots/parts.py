@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from orientd.plots.bodies import SweptPoses, draw_bodies, plate
 from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
 from orientd.plots.paper import check_format, new_figure, save
-from orientd.plots.papers import SweptPoses, draw_bodies, plate
 from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
 from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats

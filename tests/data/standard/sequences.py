@@ -6,12 +6,15 @@ says how they came about, and makes the same files again.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from orientd.plots.papers.scenes import boomerang_task, samples_of_ideal
+sys.path.insert(0, str(Path(__file__).parents[3] / "docs"))
+from generators.papers.scenes import boomerang_task, samples_of_ideal
+
 from orientd.rotation import exp, from_euler, multiply
 
 HERE = Path(__file__).parent

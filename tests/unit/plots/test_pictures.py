@@ -11,22 +11,20 @@ import pytest
 from orientd.curves import METHODS, CurveTask, compare, make_curve, ranked
 from orientd.errors import OrientdError
 from orientd.planner import Limits
-from orientd.rotation import angle, exp, rotate
+from orientd.rotation import exp, from_euler
 
 pytest.importorskip("matplotlib")
 
 from orientd import plots
-from orientd.plots import gallery
+from orientd.plots.bodies import SweptPoses, draw_bodies, plate, prism
 from orientd.plots.paper import new_figure
-from orientd.plots.papers import scenes
-from orientd.plots.papers.figures import FIGURES
-from orientd.plots.papers.sweep import SweptPoses, draw_bodies, draw_sweep, prism
 from orientd.plots.recording import _mark
 from orientd.plots.sampling import traces_of
 from orientd.plots.triads import draw_triads
 from orientd.plots.view import Viewpoint
 
-TASK = gallery.example()
+DEGREES = [[0, 0, 0], [35, -25, 20], [80, -30, 10], [120, 5, -30], [130, 45, -75], [165, 60, -140]]
+TASK = CurveTask(from_euler("ZYX", np.radians(DEGREES)), np.arange(6.0))
 BEGINNINGS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 
 
@@ -126,69 +124,6 @@ def test_a_sheet_of_nothing_still_says_why(tmp_path):
     assert "not drawn: slerp" in svg(plots.draw_sheet, tmp_path, TASK, candidates, title="none")
 
 
-@pytest.mark.parametrize("name", METHODS)
-def test_every_family_does_an_example_of_the_gallery(name):
-    task = gallery.task_for(name)
-    drawn = traces(name, task, instants=50)
-    assert np.isfinite(drawn.alpha_body).all()
-
-
-def test_a_family_that_joins_methods_joins_the_gallery(tmp_path, monkeypatch):
-    class Newcomer(METHODS["squad"]):
-        name = "newcomer"
-        summary = "not there before"
-
-    monkeypatch.setattr(gallery, "METHODS", {"newcomer": Newcomer})
-    monkeypatch.setattr(gallery, "compare", lambda task: compare(task, families=gallery.METHODS))
-    paths = list(plots.draw_gallery(tmp_path / "new" / "folder"))
-    assert [path.name for path in paths] == ["newcomer.svg", "all.svg"]
-    assert "newcomer: not there before" in paths[0].read_text(encoding="utf-8")
-    assert "family-newcomer" in ids(paths[1].read_text(encoding="utf-8"))
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_figures_of_the_papers_have_something_to_show(name):
-    axes = new_figure(6.0, 6.0).subplots()
-    FIGURES[name].draw(axes)
-    assert axes.has_data()
-
-
-def test_a_figure_is_written_with_its_title(tmp_path):
-    text = svg(plots.draw_figure, tmp_path, "kks-4")
-    assert "Cubic B-spline basis functions" in text
-    assert {f"basis-{k}" for k in range(4)} <= ids(text)
-
-
-def test_basis_functions_sum_to_one_and_cumulative_ones_rise():
-    times = np.linspace(0.0, 7.0, 200)
-    cumulative = plots.basis.cumulative_functions(np.arange(-3.0, 11.0), 4, times)
-    assert cumulative[0] == pytest.approx(1.0)
-    assert (np.diff(cumulative, axis=1) > -1e-12).all()
-    ordinary = cumulative - np.vstack([cumulative[1:], np.zeros((1, 200))])
-    assert ordinary.sum(axis=0) == pytest.approx(1.0)
-    assert ordinary.min() > -1e-12
-
-
-def test_one_axis_of_the_ideal_function_ends_where_it_begins():
-    keys = scenes.samples_of_ideal()
-    tips = rotate(keys[[0, -1]], np.array([1.0, 0.0, 0.0]))
-    assert tips[0] == pytest.approx(tips[1], abs=1e-12)
-    assert angle(keys[0], keys[-1]) > 1.0
-
-
-def test_uniform_knots_loop_between_close_samples_and_chord_knots_do_not():
-    keys = scenes.samples_of_ideal()
-    direct = angle(keys[4], keys[5])
-    travelled = {}
-    for times in ("uniform", "chord"):
-        curve = METHODS["nielson_heiland"](keys=keys, times=times)
-        start, end = curve.knots[[4, 5]]
-        q = curve.evaluate(np.linspace(start, end, 400))[0]
-        travelled[times] = angle(q[1:], q[:-1]).sum()
-    assert travelled["uniform"] > 2.0 * direct
-    assert travelled["chord"] < 1.2 * direct
-
-
 def test_faces_of_a_body_look_outwards():
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     for face in prism(square, 0.5):
@@ -198,24 +133,17 @@ def test_faces_of_a_body_look_outwards():
 
 def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
     axes = new_figure(3.0, 3.0).subplots()
-    scene = scenes.interpolated_scene()
-    faces = scenes.plate()
-    trail = scene.along(20).positions
-    draw_bodies(axes, faces, scene.between(10), scene.keyframes, Viewpoint(), trail)
+    positions = np.outer(np.arange(16.0), [1.0, 0.3, 0.1])
+    poses = SweptPoses(positions, np.resize(TASK.keys, (16, 4)))
+    between, keyframes = (
+        SweptPoses(poses.positions[of], poses.q[of]) for of in (slice(10), slice(10, 16))
+    )
+    faces = plate()
+    draw_bodies(axes, faces, between, keyframes, Viewpoint(), positions)
     (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
     assert len(painted.get_paths()) == len(faces) * (10 + 6)
     lightness = painted.get_facecolor()[:, :3].mean(axis=1)
     assert (lightness < 0.32).sum() == len(faces) * 6
-
-
-def test_a_sweep_joins_every_two_sections():
-    axes = new_figure(3.0, 3.0).subplots()
-    section = scenes.cross_section()
-    q = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1))
-    along = np.column_stack([np.arange(5.0), np.zeros(5), np.zeros(5)])
-    draw_sweep(axes, section, SweptPoses(along, q), Viewpoint())
-    (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
-    assert len(painted.get_paths()) == 4 * len(section)
 
 
 @pytest.mark.parametrize(
@@ -236,13 +164,7 @@ def test_parts_of_a_picture_can_be_drawn_alone(tmp_path, draw):
 
 def test_a_name_without_a_known_ending_is_refused_before_anything_is_drawn(tmp_path):
     with pytest.raises(OrientdError, match=r"must end in \.png, \.svg, \.pdf, got 'x.bmp'"):
-        plots.draw_family(tmp_path / "x.bmp", "min_acceleration")
-
-
-def test_a_folder_that_cannot_be_made_is_said(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OrientdError, match="cannot make the folder"):
-        next(plots.draw_gallery(tmp_path / "file"))
+        plots.draw_traces(tmp_path / "x.bmp", traces(), title="curve")
 
 
 def test_a_curve_of_two_keyframes_a_moment_apart_is_drawn(tmp_path):

@@ -1,4 +1,4 @@
-"""Bodies and cross-sections along a rigid motion, as in Kim, Kim and Shin (1995), Figs. 7 to 10.
+"""Bodies along a rigid motion, as in Kim, Kim and Shin (1995), Figs. 7, 8 and 10.
 
 Faces are drawn from the farthest to the nearest, lit from one side, over their shadow on a floor.
 """
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 LIGHT = np.array([0.35, -0.45, 0.82])
 KEYFRAME_TINT = np.array([0.10, 0.24, 0.48])
 BETWEEN_TINT = np.array([0.80, 0.86, 0.93])
-OUTSIDE_TINT = np.array([0.24, 0.62, 0.49])
-INSIDE_TINT = np.array([0.93, 0.62, 0.42])
 SHADOW = "#e4e2dc"
 GAP = 0.08
 """From the lowest point to the floor, as a share of the height of everything."""
@@ -61,6 +59,13 @@ def prism(outline: Floats, thickness: float) -> list[Face]:
     return [top, bottom[::-1], *sides]
 
 
+def plate() -> list[Face]:
+    """Return the faces of the body of Figs. 8 and 10: a plate across the body's x axis."""
+    outline = np.array([[-0.62, -0.36], [0.62, -0.36], [0.62, 0.36], [-0.62, 0.36]])
+    # x, y, z to y, z, x: a turn, so that faces keep facing outwards.
+    return [face[:, [2, 0, 1]] for face in prism(outline, 0.09)]
+
+
 def draw_bodies(
     axes: Axes,
     faces: list[Face],
@@ -85,46 +90,13 @@ def draw_bodies(
         for face in faces:
             for corner in poses.placed(face):
                 corners.append(corner)
-                tints.append(_lit(_normal(corner), tint))
-    _paint(axes, corners, tints, view, edge=(0.25, 0.25, 0.25, 0.55), width=0.4)
+                tints.append(lit(face_normal(corner), tint))
+    paint_faces(axes, corners, tints, view, edge=(0.25, 0.25, 0.25, 0.55), width=0.4)
     seen = view.project(trail)
     axes.plot(seen[:, 0], seen[:, 1], color=INK, linewidth=0.9, linestyle=(0.0, (4.0, 2.0)))
 
 
-def draw_sweep(axes: Axes, section: Floats, poses: SweptPoses, view: Viewpoint) -> None:
-    """Draw the surface that a closed cross-section sweeps.
-
-    Args:
-        axes: an empty chart.
-        section: corners in the body's frame, in order, shape ``(k, 3)``.
-        poses: close together along the motion.
-        view: where the eye is.
-    """
-    rings = poses.placed(section)
-    corners: list[Floats] = []
-    tints: list[Floats] = []
-    centres = rings.mean(axis=1)
-    for first, second, centre in zip(rings[:-1], rings[1:], centres, strict=False):
-        for k in range(len(section)):
-            quad = np.stack([first[k - 1], first[k], second[k], second[k - 1]])
-            outwards = _normal(quad)
-            # Where the section moves backwards the surface is traversed the other way round.
-            outwards *= 1.0 if float(outwards @ (quad.mean(axis=0) - centre)) >= 0.0 else -1.0
-            is_outside = float(outwards @ view.frame[2]) > 0.0
-            corners.append(quad)
-            tints.append(
-                _lit(
-                    outwards if is_outside else -outwards,
-                    OUTSIDE_TINT if is_outside else INSIDE_TINT,
-                )
-            )
-    _paint(axes, corners, tints, view, edge=None, width=0.35)
-    for ring in (rings[0], rings[-1]):
-        seen = view.project(np.concatenate([ring, ring[:1]]))
-        axes.plot(seen[:, 0], seen[:, 1], color=INK, linewidth=1.1)
-
-
-def _normal(corners: Floats) -> Floats:
+def face_normal(corners: Floats) -> Floats:
     """Return the unit normal of a face by Newell's sum over its edges."""
     following = np.roll(corners, -1, axis=0)
     normal: Floats = np.sum(np.cross(corners, following), axis=0)
@@ -132,13 +104,14 @@ def _normal(corners: Floats) -> Floats:
     return normal / length if length > 0.0 else normal
 
 
-def _lit(normal: Floats, tint: Floats) -> Floats:
+def lit(normal: Floats, tint: Floats) -> Floats:
+    """Return the colour of a face with a *normal*, red, green and blue from 0 to 1."""
     shade = 0.72 + 0.28 * float(normal @ LIGHT) / float(np.linalg.norm(LIGHT))
     lit: Floats = np.clip(tint * shade, 0.0, 1.0)
     return lit
 
 
-def _paint(
+def paint_faces(
     axes: Axes,
     corners: list[Floats],
     tints: list[Floats],
@@ -147,6 +120,16 @@ def _paint(
     edge: tuple[float, float, float, float] | None,
     width: float,
 ) -> None:
+    """Draw faces from the farthest to the nearest, over their shadow on a floor.
+
+    Args:
+        axes: the chart.
+        corners: of the faces, each of shape ``(k, 3)``.
+        tints: their colours.
+        view: where the eye is.
+        edge: colour of their edges; ``None`` for that of each face.
+        width: of their edges, points.
+    """
     from matplotlib.collections import PolyCollection
 
     everything = np.concatenate(corners)

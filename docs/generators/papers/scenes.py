@@ -18,7 +18,7 @@ from orientd.curves import (
     KksInterpolating,
     cumulative_basis,
 )
-from orientd.plots.papers.sweep import Face, SweptPoses, prism
+from orientd.plots.bodies import Face, SweptPoses, prism
 from orientd.rotation import Floats, exp, from_euler, multiply
 
 SAMPLED = np.array([0.0, 0.16, 0.31, 0.44, 0.60, 0.64, 0.83, 1.0])
@@ -200,13 +200,6 @@ def boomerang() -> list[Face]:
     outline = np.concatenate([outside, arms[1][::-1], inside, arms[0]])
     centred = outline - np.array([0.45 * length * np.cos(half), 0.0])
     return prism(1.9 * centred, 0.05)
-
-
-def plate() -> list[Face]:
-    """Return the faces of the body of Figs. 8 and 10: a plate across the body's x axis."""
-    outline = np.array([[-0.62, -0.36], [0.62, -0.36], [0.62, 0.36], [-0.62, 0.36]])
-    # x, y, z to y, z, x: a turn, so that faces keep facing outwards.
-    return [face[:, [2, 0, 1]] for face in prism(outline, 0.09)]
 
 
 def cross_section() -> Floats:

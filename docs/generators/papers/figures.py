@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from generators.basis import INSTANTS, cumulative_functions, draw_functions
+from generators.papers import scenes
+from generators.papers.sweep import draw_sweep
 from orientd.curves import METHODS, KksBspline
-from orientd.plots.basis import INSTANTS, cumulative_functions, draw_functions
+from orientd.plots.bodies import Face, draw_bodies, plate
 from orientd.plots.paper import SERIES, check_format, new_figure, save
-from orientd.plots.papers import scenes
-from orientd.plots.papers.sweep import Face, draw_bodies, draw_sweep
 from orientd.plots.triads import TriadStyle, draw_tip_paths, draw_triads
 from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats, exp, multiply
@@ -178,13 +179,13 @@ FIGURES: Mapping[str, PaperFigure] = {
     ),
     "kks-8": PaperFigure(
         "A rigid motion by a cubic B-spline in position and orientation; dark: control poses",
-        _moving(scenes.blended_scene, scenes.plate, 30, MOTION_VIEW),
+        _moving(scenes.blended_scene, plate, 30, MOTION_VIEW),
         (9.0, 5.2),
     ),
     "kks-9": PaperFigure("A cross-section swept along the same motion", _swept, (9.0, 5.2)),
     "kks-10": PaperFigure(
         "A rigid motion interpolated with continuous acceleration; dark: six keyframes",
-        _moving(scenes.interpolated_scene, scenes.plate, 30, MOTION_VIEW),
+        _moving(scenes.interpolated_scene, plate, 30, MOTION_VIEW),
         (9.0, 5.2),
     ),
 }

@@ -1,0 +1,1 @@
+"""Reproduce the figures of the papers, with bodies drawn along a motion."""
