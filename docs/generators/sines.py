@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from orientd import plots, rotation
-from orientd.cli.commands.demo_policy import Chunk, slerped, straight
+from orientd import rotation
 from orientd.driver import ZERO
 from orientd.rotation import Floats
 from orientd.servo.tracking import Tracker, knots_of
 from orientd.stream import Sample, ServoLimits
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "policy_chunks"))
+from interpolated import Chunk, slerped, straight
+from played import Played
 
 PAGE = "explanation/chunks.md"
 
@@ -95,7 +99,7 @@ class Sine:
             times = observed + np.arange(POSES) / RATE
             yield Chunk(observed + INFERENCE, times, rotation.log(self.at(times)))
 
-    def figures(self, played: plots.Played) -> Figures:
+    def figures(self, played: Played) -> Figures:
         """Compare setpoints with the sine, after the beginning."""
         times = played.begin + played.period * np.arange(len(played.q))
         settled = times > SETTLED
@@ -103,14 +107,14 @@ class Sine:
         gaps = rotation.log(rotation.between(q, self.at(times)))
         speeds = self.amplitude * self._spin * np.cos(self._spin * times)
         lag = float(speeds @ (gaps @ AXIS) / (speeds @ speeds))
-        peak = plots.Played(played.name, times[0], played.period, q)
+        peak = Played(played.name, times[0], played.period, q)
         most = self.amplitude * self._spin**2
         return Figures(
             float(np.linalg.norm(gaps, axis=1).max()), lag, float(peak.acceleration.max()) / most
         )
 
 
-def followed(sine: Sine) -> plots.Played:
+def followed(sine: Sine) -> Played:
     """Return the setpoints of orientd: its tracker in virtual time."""
     tracker, coming = Tracker(PERIOD), list(sine.chunks())
     start = tuple(sine.at(np.zeros(1))[0].tolist())
@@ -125,7 +129,7 @@ def followed(sine: Sine) -> plots.Played:
             knots = knots_of([Sample(when, q) for when, q in zip(stamps, poses, strict=True)])
             tracker.take_chunk(knots, now_ns, (ZERO, ZERO, ZERO), has_positions=False)
         sent.append(tracker.step(now_ns).q)
-    return plots.Played("orientd", PERIOD, PERIOD, np.array(sent))
+    return Played("orientd", PERIOD, PERIOD, np.array(sent))
 
 
 def measured(hertz: float) -> tuple[Figures, Figures, Figures]:

@@ -7,7 +7,6 @@ Start with :func:`draw`.  Programs that draw charts of their own also use the mo
 from __future__ import annotations
 
 from orientd.plots.charts import Traces
-from orientd.plots.chunks import Played, draw_played
 from orientd.plots.motion import Picture, draw, draw_sent, draw_traces, picture
 from orientd.plots.paper import check_format, is_available
 from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone

@@ -4,7 +4,6 @@ import contextlib
 import csv
 import ctypes
 import json
-import math
 import os
 import pty
 import re
@@ -364,21 +363,8 @@ def test_the_demo_tells_its_figures_even_if_the_picture_cannot_be_written(folder
     assert "velocity sent" in done.stdout
 
 
-def test_the_demo_of_a_policy_keeps_the_limits_and_turns_the_short_way(folder):
-    path = folder / "orientd-demo-policy.png"  # not that of the other demo
-    environ = environment(TMPDIR=str(folder))
-    demo = told(orientd("demo", "policy", "--json", cwd=folder, env=environ))
-    assert demo["orientd"]["acceleration"] <= 1.001 * demo["limit"]
-    assert demo["orientd"]["cycles_above_limit"] == 0
-    assert demo["straight_lines"]["acceleration"] > 1000.0 * demo["limit"]
-    assert demo["piecewise_slerp"]["acceleration"] > 10.0 * demo["limit"]
-    # Four times to and fro, 47 degrees each; the twins of the vectors cost a turn every time.
-    assert demo["orientd"]["turned"] < math.radians(5 * 47.0)
-    assert demo["piecewise_slerp"]["turned"] < math.radians(5 * 47.0)
-    assert demo["straight_lines"]["turned"] > 2.0 * math.tau
-    assert demo["timing"]["chunks"] == 27
-    if demo["picture"]:
-        assert path.read_bytes().startswith(b"\x89PNG")
+def test_the_demo_of_a_policy_names_its_example():
+    assert_refused(inside("demo", "policy"), "python examples/policy_chunks/play.py")
 
 
 def test_a_demo_that_is_interrupted_leaves_no_process(folder):

@@ -1,4 +1,4 @@
-"""`orientd demo`: a daemon, a device without hardware, and a motion or a policy that moves it."""
+"""`orientd demo`: a daemon, a device without hardware, and a motion that moves it."""
 
 from __future__ import annotations
 
@@ -45,19 +45,16 @@ def demo(
     out: Output,
     what: Annotated[
         Literal["motion", "policy"],
-        Argument(
-            metavar="WHAT", help="`motion`: a planned motion; `policy`: the chunks of a policy."
-        ),
+        Argument(metavar="WHAT", help="`motion`; `policy` is now one of the examples."),
     ] = "motion",
     plot: Annotated[
-        Path | None,
+        Path,
         Option(
             "--plot",
             "-p",
-            help="Image file to draw (extra plot); default: orientd-demo.png, or "
-            "orientd-demo-policy.png.",
+            help="Image file to draw (extra plot).",
         ),
-    ] = None,
+    ] = Path("orientd-demo.png"),
 ) -> None:
     """Run a motion on a simulated device, and report how well it went.
 
@@ -65,10 +62,12 @@ def demo(
     The motion passes through six keyframes and has a velocity at both ends: a lead-in accelerates
     the device to the first keyframe, and a lead-out brings it to rest after the last.  All figures
     are measured from the setpoints that the driver got.
-
-    `orientd demo policy` plays the chunks of a simulated policy.  It compares the setpoints with
-    straight lines between the rotation vectors, and with a slerp from pose to pose.
     """
+    if what == "policy":
+        raise OrientdError(
+            "the demo of a policy is now an example: start `orientd run`, then in a clone of the "
+            "sources `python examples/policy_chunks/play.py`"
+        )
     from orientd import plots
     from orientd.cli import texts
     from orientd.cli.following import follow, raise_unless_done
@@ -76,17 +75,10 @@ def demo(
     from orientd.protocol import control_pb2 as pb
     from orientd.stream import ServoState
 
-    plot = plot or Path("orientd-demo.png" if what == "motion" else "orientd-demo-policy.png")
     check_picture(plot)
     if not plot.absolute().parent.is_dir():
         raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
-        if what == "policy":
-            from orientd.cli.commands.demo_policy import show
-
-            with _recorded(robot) as cycles:
-                show(robot, cycles, out, plot if plots.is_available() else None)
-            return
         (device,) = robot.state().devices.values()
         out.say(
             f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "
