@@ -11,8 +11,13 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from orientd.errors import DaemonError
+from orientd.errors import DaemonError, OrientdError
+
+if TYPE_CHECKING:
+    from orientd.client import Robot
+    from orientd.stream import Cycle
 
 READY_TIMEOUT = 20.0
 END_TIMEOUT = 15.0
@@ -43,6 +48,48 @@ def begun(config: Path) -> Iterator[Callable[[], None]]:
             yield partial(_wait_ready, process, log)
         finally:
             _end(process)
+
+
+@contextlib.contextmanager
+def simulated(device: str) -> Iterator[Path]:
+    """Run a daemon in a temporary directory, and yield its socket.
+
+    Args:
+        device: the table of its only device ``arm``, as TOML.
+
+    Raises:
+        DaemonError: the daemon does not start.
+    """
+    with tempfile.TemporaryDirectory(prefix="orientd-") as name:
+        socket, config = Path(name) / "control.sock", Path(name) / "simulated.toml"
+        config.write_text(
+            f'[daemon]\nsocket = "{socket}"\n\n[devices.arm]\n{device}', encoding="utf-8"
+        )
+        with begun(config) as wait_ready:
+            wait_ready()
+            yield socket
+
+
+@contextlib.contextmanager
+def recorded(robot: Robot) -> Iterator[list[Cycle]]:
+    """Yield a list of every cycle of the device, which grows until the context ends."""
+    cycles: list[Cycle] = []
+    ended = threading.Event()
+
+    def watch() -> None:
+        with contextlib.suppress(OrientdError):
+            for batch in robot.watch():
+                cycles.extend(batch)
+                if ended.is_set():
+                    return
+
+    thread = threading.Thread(target=watch, name="watch", daemon=True)
+    thread.start()
+    try:
+        yield cycles
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextlib.contextmanager

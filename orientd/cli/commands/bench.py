@@ -1,170 +1,150 @@
-"""`orientd bench`: punctuality of the servo, speed of curves and of retargets, on this machine."""
+"""`orientd bench`: lateness, plans, retargets, starts and stops, measured on this machine."""
 
 from __future__ import annotations
 
-from statistics import median_high
-from typing import TYPE_CHECKING, Annotated, Any
+import random
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
-from orientd.cli.output import Output, is_terminal, table
-from orientd.cli.parameters import Group, Option, command_of, part_of
+from orientd.cli.output import Output, table, working
+from orientd.cli.own_daemon import recorded, simulated
+from orientd.cli.parameters import Option, command_of
+from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.bench import Comparison, CurveSpeed
+    from orientd.client import MoveHandle, Robot
+    from orientd.protocol import control_pb2 as pb
+    from orientd.stream import Cycle
+
+DEVICE = 'driver = "loopback"\n'
+KEYFRAMES = 20
+LONGEST = 5.0  # s, until a command shows in a cycle
+
+
+@dataclass(frozen=True)
+class Times:
+    """How many durations were measured, their median and the worst of them, s."""
+
+    count: int
+    median: float
+    worst: float
 
 
 def measure(
     out: Output,
     seconds: Annotated[
-        float, Option(range=(0.5, None), help="Duration of one measurement, s.")
+        float, Option(range=(0.5, 3600.0), help="Duration of the motion that shows lateness, s.")
     ] = 2.0,
-    slots: Annotated[
-        int,
-        Option(
-            range=(1, None),
-            help="Number of measurements of the servo and of the C loop, per condition.",
-        ),
-    ] = 3,
-    servo: Annotated[bool, Option(help="Measure the servo's lateness.")] = True,
-    curves: Annotated[bool, Option(help="Measure the speed of the curves.")] = True,
-) -> None:
-    """Measure the servo's lateness and the curves' speed.
-
-    A bare C loop and SciPy (extra `scipy`) run for comparison.  With the defaults this takes
-    three minutes.
-    """
-    if click.get_current_context().invoked_subcommand is not None:
-        return
-    found = {
-        "curves": _curves(out) if curves else None,
-        "servo": _servo(seconds, slots, out) if servo else None,
-    }
-    out.answer(found)
-
-
-bench = command_of(Group, measure, name="bench", invoke_without_command=True)
-
-
-@part_of(bench)
-def retarget(
-    out: Output,
     count: Annotated[
-        int, Option(range=(10, None), help="Number of retargets for each number of keyframes.")
-    ] = 200,
-    keyframes: Annotated[
-        list[int] | None,
-        Option(
-            range=(1, None), help="Number of keyframes per motion; repeatable.  [default: 1, 20]"
-        ),
-    ] = None,
-    rate: Annotated[
-        float, Option(range=(1.0, 2000.0), help="Cycle rate of the device in Hz.")
-    ] = 500.0,
-    priority: Annotated[
-        int, Option(range=(0, 99), help="SCHED_FIFO priority of the servo; 0 for none.")
-    ] = 0,
+        int, Option(range=(1, 10_000), help="Number of plans (20 keyframes), retargets and stops.")
+    ] = 20,
 ) -> None:
-    """Measure how long a retarget takes.
+    """Measure lateness, plans, retargets, starts and stops on this machine.
 
-    The time is from the call to the first changed setpoint.  The command starts its own daemon with
-    a simulated device.  With the defaults this takes a minute.
+    The command starts daemons of its own with a simulated device at 500 Hz.  A retarget and a stop
+    take until the first setpoint that shows them, and a start until the device is ready.
     """
-    from orientd.bench import PARTS, measure_retargets
-
-    found = measure_retargets(
-        tuple(keyframes or (1, 20)), count=count, rate_hz=rate, priority=priority
-    )
-    rows = [
-        [
-            str(one.keyframes),
-            str(one.retargets),
-            str(one.replanned),
-            *(
-                f"{1e3 * one.parts[part].p50:.2f} / {1e3 * one.parts[part].p99:.2f}"
-                for part in PARTS
-            ),
-        ]
-        for one in found
-    ]
-    out.answer(
-        {"rate_hz": rate, "priority": priority, "retargets": found},
-        f"retargets on the way at {rate:g} Hz, p50 / p99 in ms; each part begins after the other",
-        *table(["keyframes", "count", "replanned", *PARTS], rows),
-    )
-
-
-def _curves(out: Output) -> CurveSpeed:
-    from orientd.bench import measure_curves
-
-    found = measure_curves(steps=(1.0,))
-    out.say(
-        f"c2_cumulative of {found.keyframes} keyframes, ns a sample; SciPy is its RotationSpline"
-    )
-    rows = [
-        [
-            str(sampling.instants),
-            f"{sampling.sorted_ns:.0f} ({sampling.ratio:.0f} x)",
-            f"{sampling.unsorted_ns:.0f}",
-            f"{sampling.scipy_ns:.0f}",
-        ]
-        for sampling in found.samplings
-    ]
-    out.say(*table(["instants", "sorted", "unsorted", "SciPy"], rows), "")
-    for building in found.buildings:
-        out.say(
-            f"built from {building.few} keyframes {building.step:g} rad apart in "
-            f"{1e3 * building.few_s:.1f} ms, from {100 * building.few} in "
-            f"{building.many_s:.2f} s: {building.growth:.0f} times the time"
+    context = click.get_current_context()
+    if context.args:  # version 0.2 had more options, and `bench retarget`
+        raise click.UsageError(
+            f"unexpected {context.args[0]!r}: comparisons with a C loop and with SciPy, and the "
+            "parts of a retarget, are in `make bench` of the sources",
+            context,
         )
-    out.say("")
+    from orientd.client import connect
+
+    chance = random.Random(1)
+    with working("measuring"):
+        starts = [_start() for _ in range(min(count, 5))]  # each takes longer than all else
+        with simulated(DEVICE) as socket, connect(socket, holder="orientd bench") as robot:
+            (device,) = robot.state().devices.values()
+            _plan(robot, chance)  # the first plan loads the planner
+            plans = [_plan(robot, chance) for _ in range(count)]
+            late = _ended(robot.turn([0.0, 0.0, 0.5], seconds)).statistics
+            with recorded(robot) as cycles:
+                robot.move(_keyframes(1, chance), approach=True)
+                retargets = [_retarget(robot, cycles, chance) for _ in range(count)]
+                stops = [_stop(robot, cycles, chance) for _ in range(count)]
+    taken = {"plan": plans, "retarget": retargets, "start": starts, "stop": stops}
+    found = {"lateness": Times(late.cycles, late.lateness.p50, late.lateness.largest)}
+    found |= {name: Times(len(one), median(one), max(one)) for name, one in taken.items()}
+    rows = [
+        [name, str(one.count), f"{1e3 * one.median:.3f}", f"{1e3 * one.worst:.3f}"]
+        for name, one in found.items()
+    ]
+    lines = table(["", "count", "median, ms", "worst, ms"], rows)
+    out.answer({"scheduling": device.scheduling, **found}, f"servo: {device.scheduling}", *lines)
+
+
+_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}
+bench = command_of(click.Command, measure, name="bench", context_settings=_SETTINGS)
+
+
+def _start() -> float:
+    begin = time.monotonic()
+    with simulated(DEVICE):
+        return time.monotonic() - begin
+
+
+def _plan(robot: Robot, chance: random.Random) -> float:
+    keyframes, begin = _keyframes(KEYFRAMES, chance), time.monotonic()
+    robot.plan(keyframes, approach=True)
+    return time.monotonic() - begin
+
+
+def _retarget(robot: Robot, cycles: list[Cycle], chance: random.Random) -> float:
+    """Return the time from a retarget of the moving device to the first setpoint of it, s."""
+    time.sleep(chance.uniform(0.08, 0.16))
+    cycles.clear()
+    sent_ns = time.monotonic_ns()
+    handle = robot.move(_keyframes(1, chance), approach=True)
+    return (_first(cycles, lambda one: one.motion == handle.motion_number, handle) - sent_ns) * 1e-9
+
+
+def _stop(robot: Robot, cycles: list[Cycle], chance: random.Random) -> float:
+    """Return the time from a stop of the moving device to its first setpoint that brakes, s."""
+    handle = robot.move(_keyframes(KEYFRAMES, chance), approach=True)
+    time.sleep(chance.uniform(0.08, 0.16))
+    cycles.clear()
+    sent_ns = time.monotonic_ns()
+    robot.stop()
+    braked_ns = _first(cycles, lambda one: one.state.name == "STOPPING", handle)
+    _ended(handle)
+    return (braked_ns - sent_ns) * 1e-9
+
+
+def _keyframes(count: int, chance: random.Random) -> list[dict[str, list[float]]]:
+    """Return *count* keyframes, each near to the one before, the first of them anywhere."""
+    vector, found = [chance.uniform(-1.0, 1.0) for _ in range(3)], []
+    for _ in range(count):
+        found.append({"rotation_vector": vector})
+        vector = [part + chance.uniform(-0.15, 0.15) for part in vector]
     return found
 
 
-def _servo(seconds: float, slots: int, out: Output) -> list[dict[str, Any]]:
-    from orientd.bench import compare, conditions
-    from orientd.errors import OrientdError
-
-    done: list[dict[str, Any]] = []
-    rows = []
-    for condition in conditions():
-        rate_hz, is_loaded, priority, spin_us = condition
-        load = "busy" if is_loaded else "idle"
-        scheduler = f"FIFO {priority}" if priority else "OTHER"
-        asked = {"rate_hz": rate_hz, "load": load, "priority": priority, "spin_us": spin_us}
-        row = [f"{rate_hz:g}", load, scheduler, f"{spin_us}"]
-        if is_terminal():
-            out.say(f"{rate_hz:g} Hz, {load}, {scheduler}, spin {spin_us} us ...")
-        try:
-            comparison = compare(condition, slots=slots, seconds=seconds)
-        except OrientdError as error:
-            done.append({**asked, "error": str(error)})
-            rows.append([*row, str(error), "", "", "", ""])
-            continue
-        done.append({**asked, **_figures(comparison)})
-        rows.append([*row, *_cells(comparison)])
-    header = ["Hz", "load", "scheduler", "spin us", "p50 us", "p99 us", "C p99"]
-    out.say(*table([*header, "overruns", "work p99"], rows))
-    return done
+def _first(cycles: Sequence[Cycle], is_it: Callable[[Cycle], bool], handle: MoveHandle) -> int:
+    """Wait for the first cycle for which *is_it* is true, and return its deadline in ns."""
+    end = time.monotonic() + LONGEST
+    while time.monotonic() < end:
+        for cycle in tuple(cycles):
+            if is_it(cycle):
+                return cycle.deadline_ns
+        if handle.is_done:
+            _ended(handle)
+        time.sleep(0.01)
+    raise OrientdError(f"no cycle of motion {handle.motion_number} came within {LONGEST:g} s")
 
 
-def _figures(comparison: Comparison) -> dict[str, Any]:
-    ours, bare = comparison.overruns
-    return {
-        "servo": comparison.servo,
-        "bare": comparison.bare,
-        "p99_ratio": comparison.p99_ratio,
-        "overruns": {"servo": ours, "bare": bare},
-        "work_p99_us": comparison.work_p99_us,
-    }
+def _ended(handle: MoveHandle) -> pb.MoveSummary:
+    """Return the summary of a motion once it has ended; a fault is an error."""
+    from orientd.protocol import control_pb2 as pb
 
-
-def _cells(comparison: Comparison) -> list[str]:
-    ours, bare = comparison.overruns
-    return [
-        f"{median_high([slot.p50_us for slot in comparison.servo]):.1f}",
-        f"{median_high([slot.p99_us for slot in comparison.servo]):.1f}",
-        f"{median_high([slot.p99_us for slot in comparison.bare]):.0f}",
-        f"{ours} (C {bare})",
-        f"{comparison.work_p99_us:.0f}",
-    ]
+    summary = handle.wait()
+    if summary.outcome == pb.OUTCOME_FAULT:
+        raise OrientdError(f"the device faulted: {summary.text}")
+    return summary

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import os
-import tempfile
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from orientd.cli.command import check_picture
 from orientd.cli.output import Output
-from orientd.cli.own_daemon import begun
+from orientd.cli.own_daemon import recorded, simulated
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.client import Robot
     from orientd.protocol import control_pb2 as pb
     from orientd.stream import Cycle
 
@@ -39,6 +34,12 @@ KEYFRAMES = (
 
 # Slower than the device could move: the demo should be watched for about ten seconds.
 LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity": 0.2}
+
+
+DEVICE = (
+    f'driver = "loopback"\nrate_hz = {RATE_HZ}\noptions = {{position = {list(KEYFRAMES[0][1])}}}\n'
+)
+"""The table of its configuration."""
 
 
 def demo(
@@ -78,7 +79,7 @@ def demo(
     check_picture(plot)
     if not plot.absolute().parent.is_dir():
         raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
-    with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
+    with simulated(DEVICE) as socket, connect(socket, holder="orientd demo") as robot:
         (device,) = robot.state().devices.values()
         out.say(
             f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "
@@ -86,7 +87,7 @@ def demo(
             f"motion: {len(KEYFRAMES)} keyframes, begins with {START_VELOCITY} rad/s, "
             f"ends with {END_VELOCITY} rad/s",
         )
-        with _recorded(robot) as cycles:
+        with recorded(robot) as cycles:
             handle = robot.move(
                 [{"rotation_vector": turn, "position": place} for turn, place in KEYFRAMES],
                 start_velocity=START_VELOCITY,
@@ -112,46 +113,6 @@ def demo(
         f"  picture              {why_not or plot.absolute()}",
     )
     raise_unless_done(summary)
-
-
-@contextlib.contextmanager
-def _daemon() -> Iterator[Path]:
-    """Run a daemon in a temporary directory while the context lasts."""
-    with tempfile.TemporaryDirectory(prefix="orientd-demo-") as name:
-        directory = Path(name)
-        socket = directory / "control.sock"
-        config = directory / "demo.toml"
-        config.write_text(
-            f'[daemon]\nsocket = "{socket}"\n\n'
-            f'[devices.arm]\ndriver = "loopback"\nrate_hz = {RATE_HZ}\n\n'
-            f"[devices.arm.options]\nposition = {list(KEYFRAMES[0][1])}\n",
-            encoding="utf-8",
-        )
-        with begun(config) as wait_ready:
-            wait_ready()
-            yield socket
-
-
-@contextlib.contextmanager
-def _recorded(robot: Robot) -> Iterator[list[Cycle]]:
-    """Yield a list of every cycle of the device, which grows until the context ends."""
-    cycles: list[Cycle] = []
-    ended = threading.Event()
-
-    def watch() -> None:
-        with contextlib.suppress(OrientdError):
-            for batch in robot.watch():
-                cycles.extend(batch)
-                if ended.is_set():
-                    return
-
-    thread = threading.Thread(target=watch, name="watch", daemon=True)
-    thread.start()
-    try:
-        yield cycles
-    finally:
-        ended.set()
-        thread.join()
 
 
 def _draw(path: Path, moving: list[Cycle], plan: pb.Plan) -> None:
