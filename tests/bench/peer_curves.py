@@ -6,9 +6,9 @@ import statistics
 import time
 
 import numpy as np
+from curve_speed import random_walk
 from scipy.spatial.transform import RotationSpline
 
-from orientd.bench.curves import random_walk
 from orientd.curves import METHODS
 from orientd.rotation import conjugate, log, multiply, to_scipy
 

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import grpc
 import numpy as np
+from busy_clients import motion as wave
 from peer_curves import duration
+from servo_lateness import DEVICE, daemon
 
 from orientd import rotation
-from orientd.bench.clients import motion as wave
-from orientd.bench.servo import DEVICE, daemon
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.protocol import control_pb2 as pb

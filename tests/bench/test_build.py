@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 import pytest
+from curve_speed import random_walk
 from scipy.spatial.transform import RotationSpline
 
-from orientd.bench.curves import random_walk
 from orientd.curves import METHODS
 from orientd.rotation import to_scipy
 

@@ -8,13 +8,14 @@ import sys
 import threading
 import urllib.request
 
+import busy_clients
 import pytest
+from bare_loop import processes
 from command_line import begin, environment
 from harness import free_port, until
+from servo_lateness import DEVICE, PRIORITY, daemon, stream
 from test_servo import show
 
-from orientd.bench.lateness import processes
-from orientd.bench.servo import DEVICE, PRIORITY, daemon, stream
 from orientd.config import SPIN_US
 
 pytest.importorskip("websockets")
@@ -89,7 +90,7 @@ def scraper(port):
 @contextlib.contextmanager
 def company(control, port, path):
     """Have everybody look."""
-    watchers = [sys.executable, "-m", "orientd.bench.clients", str(control), DEVICE, "watch"]
+    watchers = [sys.executable, busy_clients.__file__, str(control), DEVICE, "watch"]
     with processes([watchers]), recorder(control, path), scraper(port), pages(control):
         yield
 

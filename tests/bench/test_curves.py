@@ -8,13 +8,13 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
+import curve_speed
 import numpy as np
 import pytest
+from curve_speed import Sampling, measure_curves, random_walk
 from scipy.spatial.transform import RotationSpline
 
 from orientd import processor
-from orientd.bench import measure_curves
-from orientd.bench.curves import Sampling, random_walk
 from orientd.curves import METHODS
 from orientd.rotation import to_scipy
 
@@ -53,9 +53,10 @@ def samplings(level, *instants):
     if level not in processor.runnable():
         pytest.skip(f"the processor is not one of {level}")
     code = f"""
-import json
+import json, sys
 from dataclasses import asdict
-from orientd.bench.curves import measure_curves
+sys.path.insert(0, {str(Path(curve_speed.__file__).parent)!r})
+from curve_speed import measure_curves
 print(json.dumps([asdict(one) for one in measure_curves(instants={instants}, steps=()).samplings]))
 """
     found = [Sampling(**one) for one in in_new_process("-c", code, level=level)]

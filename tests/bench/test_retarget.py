@@ -1,8 +1,7 @@
 """A retarget on its way from the call to the first setpoint that it changes."""
 
 import pytest
-
-from orientd.bench import PARTS, measure_retargets
+from retarget_parts import PARTS, measure_retargets
 
 pytestmark = pytest.mark.bench
 

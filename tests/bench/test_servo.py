@@ -10,8 +10,8 @@ import grpc
 import pytest
 from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 from harness import DEVICE, DaemonProcess, health, resident_kib, spin
+from servo_lateness import compare, conditions
 
-from orientd.bench import compare, conditions
 from orientd.config import SPIN_US
 from orientd.protocol import control_pb2 as pb
 

@@ -15,12 +15,12 @@ from concurrent.futures import ThreadPoolExecutor
 import grpc
 import numpy as np
 import pytest
+from bare_loop import busy_cores, processes
 from command_line import orientd
 from storm_rig import DEVICES, Rig, memory_mib, sent, shares_of_limits
 from wild import anywhere, wild_motion
 
 import orientd as api
-from orientd.bench.lateness import busy_cores, processes
 from orientd.client import MoveHandle
 from orientd.errors import DaemonError, OrientdError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb

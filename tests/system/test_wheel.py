@@ -75,7 +75,6 @@ def test_the_wheel_holds_every_package_with_its_types_and_nothing_else(wheel):
         names
     )
     assert "orientd/protocol/control.proto" in names
-    assert "orientd/bench/loop.c" in names
     assert {name.rpartition("/share/")[2] for name in names if "/share/" in name} == {
         "bash-completion/completions/orientd",
         "fish/vendor_completions.d/orientd.fish",

@@ -10,7 +10,6 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +54,7 @@ def bare_loop() -> Iterator[Path]:
         raise OrientdError("the bare C loop needs a C compiler (cc, gcc or clang), none was found")
     with tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder:
         program = Path(folder) / "loop"
-        source = resources.files("orientd.bench").joinpath("loop.c").read_text()
+        source = Path(__file__).with_name("loop.c").read_text()
         subprocess.run(
             [compiler, "-O2", "-x", "c", "-", "-o", program], input=source.encode(), check=True
         )

@@ -1,6 +1,6 @@
 """Clients that keep a daemon busy: four watchers, and one that plans motions without pause.
 
-Run as ``python -m orientd.bench.clients SOCKET DEVICE`` until it is killed.  A third argument
+Run as ``python tests/bench/busy_clients.py SOCKET DEVICE`` until it is killed.  A third argument
 ``watch`` starts the watchers only.
 """
 

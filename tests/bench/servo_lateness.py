@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import busy_clients
 import grpc
+from bare_loop import Slot, bare_loop, busy_cores, processes, run_bare_loop
+from busy_clients import STEP, motion
 
-from orientd.bench.clients import STEP, motion
-from orientd.bench.lateness import Slot, bare_loop, busy_cores, processes, run_bare_loop
 from orientd.client import Connection, Way
 from orientd.config import SPIN_US
 from orientd.errors import OrientdError
@@ -104,7 +105,7 @@ def _servo_slot(condition: Condition, seconds: float) -> Slot:
         tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
         daemon(Path(folder), rate_hz, priority, spin_us) as socket,
     ):
-        load = [[sys.executable, "-m", "orientd.bench.clients", str(socket), DEVICE]]
+        load = [[sys.executable, busy_clients.__file__, str(socket), DEVICE]]
         with processes(load if is_loaded else []):
             return stream(socket, seconds, priority, progress_hz=20.0 if is_loaded else 1.0)
 

@@ -29,8 +29,8 @@ from types import SimpleNamespace
 
 import grpc
 import numpy as np
+from servo_lateness import DEVICE, control, daemon
 
-from orientd.bench.servo import DEVICE, control, daemon
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
 
