@@ -10,11 +10,12 @@ import json
 import math
 import os
 import sys
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from orientd.one_line import one_line, shown
 
@@ -102,6 +103,57 @@ def is_terminal() -> bool:
     return sys.stdout.isatty()
 
 
+class LiveLine:
+    """A line on a terminal that each text replaces, and that is never wider than the terminal."""
+
+    def __init__(self, stream: TextIO) -> None:
+        """Write to the terminal *stream*."""
+        self._stream, self._columns = stream, 0
+
+    def show(self, text: str) -> None:
+        """Replace the line by *text*, without the end that the terminal has no room for."""
+        # After a character in the last column some terminals have begun a new line.
+        most = _width(self._stream) - 1
+        text, columns = fitted(shown(text).replace("\n", " ").replace("\t", " "), most)
+        # Spaces, since not every terminal knows a code that erases.
+        erased = " " * (min(self._columns, most) - columns)
+        self._columns = columns
+        self._stream.write(f"\r{text}{erased}\r{text}" if erased else f"\r{text}")
+        self._stream.flush()
+
+    def end(self) -> None:
+        """Leave the line as it is, and go to the next one."""
+        self._stream.write("\n")
+        self._stream.flush()
+
+
+def fitted(text: str, most: int) -> tuple[str, int]:
+    """Return the part of *text* that fits into *most* columns, and how many columns it takes.
+
+    >>> fitted("orientd", 4), fitted("動く", 3)
+    (('orie', 4), ('動', 2))
+    """
+    columns = 0
+    for place, character in enumerate(text):
+        is_wide = unicodedata.east_asian_width(character) in ("W", "F")
+        taken = 0 if unicodedata.combining(character) else 2 if is_wide else 1
+        if columns + taken > most:
+            return text[:place], columns
+        columns += taken
+    return text, columns
+
+
+def _width(stream: TextIO) -> int:
+    """Return the width of a terminal, from ``$COLUMNS`` or the terminal itself, else 80."""
+    asked = os.environ.get("COLUMNS", "")
+    if asked.isdecimal() and int(asked):
+        return int(asked)
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or 80
+    except (OSError, ValueError):
+        return 80
+
+
 def close_output() -> None:
     """Discard buffered output: the reader has closed the pipe."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -113,9 +165,9 @@ def working(title: str) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    # Rich takes long to import, and most commands do not use it.
-    from rich.console import Console
-    from rich.text import Text
-
-    with Console(stderr=True).status(Text(title)):
+    line = LiveLine(sys.stderr)
+    line.show(f"{title} ...")
+    try:
         yield
+    finally:
+        line.show("")

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import math
+import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 
 from orientd.cli import texts
-from orientd.cli.output import Output, is_terminal
+from orientd.cli.output import LiveLine, Output, is_terminal
 from orientd.protocol import STALE, orientation, to_quaternion, to_vector
 from orientd.protocol import control_pb2 as pb
 
 PLAIN_INTERVAL = 0.5
 """Interval between two plain lines, s."""
+
+REPAINT_INTERVAL = 0.1
+"""Interval at which a live line is written again, s."""
 
 BAR = 20
 """Characters of the bar."""
@@ -54,29 +59,37 @@ def _lines(out: Output) -> Show:
 def _live_line(title: str) -> Iterator[Show]:
     """Yield a function that updates one line, which shows its age once that matters.
 
-    If the terminal is too narrow, the figures at the end are cut off.
+    If the terminal is too narrow, the figures at the end are cut off.  A thread writes the line, so
+    that its age grows while no report comes.
     """
-    # Rich takes long to import, and most commands do not use it.
-    from rich.live import Live
-    from rich.text import Text
+    line, text, heard = LiveLine(sys.stdout), title, time.monotonic()
+    has_ended = threading.Event()
 
-    line, heard = Text(title), time.monotonic()
-
-    def shown() -> Text:
+    def paint() -> None:
         age = time.monotonic() - heard
-        old = Text(f"{age:.0f} s old  " if age > STALE else "", "bold red")
-        return Text.assemble(old, line, no_wrap=True, overflow="ellipsis")
+        line.show(f"{age:.0f} s old  {text}" if age > STALE else text)
+
+    def repaint() -> None:
+        while not has_ended.wait(REPAINT_INTERVAL):
+            paint()
 
     def show(progress: pb.MoveProgress) -> None:
-        nonlocal line, heard
+        nonlocal text, heard
         heard = time.monotonic()
         times = f"{progress.path_time:.2f}/{progress.duration:.2f} s{_pace(progress)}"
         done = int(BAR * progress.path_time / max(progress.duration, 1e-9))
         bar = ("-" * done).ljust(BAR)
-        line = Text.assemble(f"{title} {times} |{bar}| ", (_figures(progress), "dim"))
+        text = f"{title} {times} |{bar}| {_figures(progress)}"
 
-    with Live(get_renderable=shown):
+    painter = threading.Thread(target=repaint, name="progress", daemon=True)
+    painter.start()
+    try:
         yield show
+    finally:
+        has_ended.set()
+        painter.join()
+        paint()
+        line.end()
 
 
 def _figures(progress: pb.MoveProgress) -> str:

@@ -1,9 +1,14 @@
 """Progress, shown."""
 
+import fcntl
+import os
+import pty
+import struct
+import sys
+import termios
 import time
 
 import pytest
-import rich
 
 from orientd.cli import output, progress
 from orientd.protocol import control_pb2 as pb
@@ -20,6 +25,25 @@ REPORT = pb.MoveProgress(
     tracking_error=0.0025,
     overruns=0,
 )
+
+
+def screen(written, width):
+    """Return the lines that a terminal shows of what was written to it; none is empty."""
+    lines, row, column = [[]], 0, 0
+    for character in written:
+        if character == "\r":
+            column = 0
+        elif character == "\n":
+            lines.append([])
+            row, column = row + 1, 0
+        else:
+            assert character.isprintable()
+            if column == width:
+                lines.append([])
+                row, column = row + 1, 0
+            lines[row][column : column + 1] = [character]
+            column += 1
+    return [line for line in ("".join(cells).rstrip() for cells in lines) if line]
 
 
 def changed(**fields):
@@ -70,28 +94,54 @@ def test_work_is_shown_on_a_terminal_alone_and_never_on_standard_output(capsys, 
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     with output.working("planning"):
-        pass
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert "planning" in told.err
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert screen(told.err, 80) == ["planning ..."]
+    assert screen(told.err + capsys.readouterr().err, 80) == []
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
 def test_a_live_line_tells_the_times_however_narrow_the_terminal_is(capsys, monkeypatch, width):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
-    rich.reconfigure(width=width)
+    monkeypatch.setenv("COLUMNS", str(width))
     with progress.view("motion 1", output.Output()) as show:
         show(changed(speed=0.5))
-    rich.reconfigure()
-    said = capsys.readouterr().out
+    (said,) = screen(capsys.readouterr().out, width)
     assert "motion 1" in said
     assert "1.00/4.00 s  speed 0.50" in said
-    assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize("width", [1, 2, 5, 19])
+def test_a_line_that_is_replaced_leaves_nothing_on_a_terminal_of_any_width(
+    capsys, monkeypatch, width
+):
+    monkeypatch.setenv("COLUMNS", str(width))
+    line, written = output.LiveLine(sys.stdout), ""
+    for text in ("a long line of text that has no room", "short", "with\na line and\ta tab", ""):
+        line.show(text)
+        written += capsys.readouterr().out
+        shown = text.replace("\n", " ").replace("\t", " ")[: width - 1].rstrip()
+        assert screen(written, width) == ([shown] if shown else [])
+
+
+def test_the_width_of_a_terminal_is_its_own_unless_the_environment_has_one(monkeypatch):
+    main, side = pty.openpty()
+    fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 30, 0, 0))
+    monkeypatch.delenv("COLUMNS", raising=False)
+    with os.fdopen(side, "w") as terminal:
+        line = output.LiveLine(terminal)
+        line.show("x" * 100)
+        assert os.read(main, 1000) == b"\r" + b"x" * 29
+        monkeypatch.setenv("COLUMNS", "20")
+        line.show("y" * 100)
+        assert os.read(main, 1000).count(b"y") == 19
+    os.close(main)
 
 
 def test_a_name_is_shown_as_it_is_whatever_brackets_it_has(capsys, monkeypatch):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "200")
     with progress.view("motion 1 'a[b] [/red]'", output.Output()) as show:
         show(REPORT)
     assert "motion 1 'a[b] [/red]'" in capsys.readouterr().out
@@ -101,10 +151,12 @@ def test_a_name_is_shown_as_it_is_whatever_brackets_it_has(capsys, monkeypatch):
 
 def test_a_live_line_says_when_it_is_old(capsys, monkeypatch):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
-    rich.reconfigure(width=200)
     now = time.monotonic()
     with progress.view("motion 1", output.Output()) as show:
         show(REPORT)
         monkeypatch.setattr(progress.time, "monotonic", lambda: now + 5.0)
-    rich.reconfigure()
-    assert "5 s old" in capsys.readouterr().out
+        # It says so while nothing is shown any more.
+        written, end = "", time.perf_counter() + 30.0
+        while "5 s old" not in written and time.perf_counter() < end:
+            written += capsys.readouterr().out
+    assert written.rpartition("\r")[2].startswith("5 s old  motion 1 1.00/4.00 s")
