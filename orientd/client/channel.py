@@ -24,6 +24,9 @@ MAX_MESSAGE_BYTES = 64 * MEBIBYTE
 # struct sockaddr_un has 108 bytes for the path and its terminating zero.
 MAX_PATH_BYTES = 107
 
+ADDRESSES = "orientd.addresses"
+"""Group of entry points: what resolves addresses ``SCHEME:NAME``, called as its scheme."""
+
 _CLIENT_OPTIONS = (
     ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
     ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
@@ -132,6 +135,35 @@ def _read(path: Path) -> bytes:
         raise DaemonError(f"cannot read {path}: {error.strerror}") from error
 
 
+def _resolved(
+    address: str,
+    certificate: str | Path | None,
+    key: str | Path | None,
+    ca: str | Path | None,
+) -> str:
+    """Return where an address ``SCHEME:NAME`` of an installed package leads.
+
+    The package's entry point is a function of the name and of the three files of the client.  It
+    returns ``HOST:PORT``, or ``unix:`` and a socket.  Any other address is returned as it is.
+
+    Raises:
+        DaemonError: the package cannot be loaded, or finds no daemon.
+    """
+    scheme, _, name = address.partition(":")
+    if scheme == "unix" or name.isdigit():
+        return address
+    from importlib.metadata import entry_points  # slow to load, and few addresses need it
+
+    for entry in entry_points(group=ADDRESSES):
+        if entry.name == scheme:
+            try:
+                resolve = entry.load()
+            except ImportError as error:
+                raise DaemonError(f"{address}: cannot load {entry.value}: {error}") from error
+            return str(resolve(name, certificate, key, ca))
+    return address
+
+
 @dataclass(frozen=True)
 class Way:
     """The endpoint of a daemon.
@@ -169,10 +201,8 @@ class Way:
         """
         if address is None and socket is None:
             address = os.environ.get("ORIENTD_ADDRESS", "")
-        if address and address.startswith("fleet:"):
-            from orientd.fleet import daemon_address
-
-            address = daemon_address(address, certificate, key, ca)
+        if address:
+            address = _resolved(address, certificate, key, ca)
         if address and address.startswith("unix:"):
             return cls(Path(address.removeprefix("unix:")))
         if not address:

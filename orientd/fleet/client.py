@@ -37,24 +37,20 @@ STOP_TIMEOUT = 2.0
 
 _ASK_TIMEOUT = 1.0
 
-ADDRESS = "fleet:"
-"""Prefix of the address of a daemon of a cell: ``fleet:DAEMON``."""
-
 
 def daemon_address(
-    address: str,
+    name: str,
     certificate: str | Path | None,
     key: str | Path | None,
     ca: str | Path | None,
 ) -> str:
-    """Return where ``fleet:NAME`` takes calls, in the cell that the environment names.
+    """Return where the daemon *name* takes calls, in the cell that the environment names.
 
     The certificates are as for :func:`connect_fleet`.
 
     Raises:
         DaemonError: there is no such daemon, or no such cell.
     """
-    name = address.removeprefix(ADDRESS)
     with connect_fleet(wait_for=[name], certificate=certificate, key=key, ca=ca) as fleet:
         return fleet.address(name)
 
