@@ -25,6 +25,7 @@ from orientd.config.settings import (
     load,
     load_or_default,
     parse,
+    parse_as,
     read_table,
 )
 from orientd.config.table import Table

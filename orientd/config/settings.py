@@ -9,9 +9,9 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, ValidationError, model_validator
 
 from orientd.config.devices import FIRST_PHASE, DeviceSettings
 from orientd.config.fleet import FleetSettings
@@ -49,8 +49,12 @@ RETIRED = {
 """Keys of earlier versions, and what else to do than to remove them."""
 
 
+TABLES = "orientd.tables"
+"""Group of entry points: the tables that installed packages read, called as their tables."""
+
+
 class Settings(Table):
-    """A whole file.
+    """A whole file, without the tables that installed packages read.
 
     Attributes:
         daemon: the table ``[daemon]``.
@@ -71,6 +75,31 @@ class Settings(Table):
     metrics: MetricsSettings | None = None
     fleet: FleetSettings | None = None
     devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
+
+    _of_packages: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    @property
+    def of_packages(self) -> Mapping[str, str]:
+        """Return the tables that installed packages read, each with what reads it."""
+        return self._of_packages
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _leave_out_tables_of_packages(
+        cls, table: object, handler: ModelWrapValidatorHandler[Self]
+    ) -> Self:
+        if not isinstance(table, Mapping) or not table.keys() - cls.model_fields.keys():
+            return handler(table)
+        from importlib.metadata import entry_points  # slow to load, and few files need it
+
+        packages = {
+            entry.name: entry.module.partition(".")[0]
+            for entry in entry_points(group=TABLES)
+            if entry.name in table and entry.name not in cls.model_fields
+        }
+        settings = handler({key: table[key] for key in table if key not in packages})
+        settings._of_packages = packages  # noqa: SLF001 - an object of this class
+        return settings
 
     @model_validator(mode="before")
     @classmethod
@@ -189,14 +218,26 @@ def read_table(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: not TOML: nested too deeply") from error
 
 
+Read = TypeVar("Read", bound=Table)
+
+
 def parse(table: Mapping[str, Any], *, source: str) -> Settings:
     """Check *table*, which came from *source* (for the message only).
 
     Raises:
         ConfigError: a key is unknown, missing or not allowed.
     """
+    return parse_as(Settings, table, source=source)
+
+
+def parse_as(kind: type[Read], table: Mapping[str, Any], *, source: str) -> Read:
+    """Check *table* as settings of another kind, such as those of a package; see :func:`parse`.
+
+    Raises:
+        ConfigError: a key is unknown, missing or not allowed.
+    """
     try:
-        return Settings.model_validate(table)
+        return kind.model_validate(table)
     except ValidationError as error:
         raise ConfigError(one_line(f"{source}: {_describe(error)}")) from error
 

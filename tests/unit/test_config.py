@@ -128,6 +128,32 @@ def test_a_bad_file_is_refused_in_one_line_that_names_the_key(tmp_path, text, co
     assert "\n" not in str(caught.value)
 
 
+@pytest.fixture
+def foreign(tmp_path, monkeypatch):
+    """A package that reads the table ``[lab]``, and whose import fails."""
+    described = tmp_path / "foreign-1.0.dist-info"
+    described.mkdir()
+    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: foreign\nVersion: 1.0\n")
+    entries = "[orientd.tables]\nlab = foreign.settings:Lab\ntcp = foreign.settings:Tcp\n"
+    (described / "entry_points.txt").write_text(entries)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def test_a_table_that_a_package_reads_is_left_to_it(foreign):
+    table = {"devices": {"arm": {"driver": "loopback"}}, "lab": {"any": ["thing"]}}
+    settings = config.parse(table, source="x")
+    assert settings.of_packages == {"lab": "foreign"}
+    assert settings.model_dump() == config.default_settings().model_dump()
+
+
+def test_a_package_takes_no_table_of_the_core_and_no_unknown_one(foreign):
+    devices = {"arm": {"driver": "loopback"}}
+    with pytest.raises(ConfigError, match=r"tcp\.listen: missing"):
+        config.parse({"devices": devices, "tcp": {}}, source="x")
+    with pytest.raises(ConfigError, match="labs: unknown key"):
+        config.parse({"devices": devices, "lab": {}, "labs": {}}, source="x")
+
+
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"cannot read .*absent\.toml: No such file"):
         config.load(tmp_path / "absent.toml")

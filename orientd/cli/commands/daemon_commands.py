@@ -55,8 +55,11 @@ def run(
     path = config or configuration.find()
     settings = configuration.load_or_default(path)
     set_up_log(LogFormat(log_format), settings.daemon.log_level)
+    log = logging.getLogger(__name__)
+    for name, reader in settings.of_packages.items():
+        log.info("daemon: [%s] is read by %s, not by the daemon", name, reader)
     if listen and settings.daemon.socket and listen != settings.daemon.socket:
-        logging.getLogger(__name__).warning(
+        log.warning(
             "the socket is %s, by --socket or $ORIENTD_SOCKET, not the %s of %s",
             listen,
             settings.daemon.socket,
