@@ -8,7 +8,6 @@ if TYPE_CHECKING:
 
     from orientd import curves, plots
     from orientd.client.robot import connect
-    from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
     from orientd.planner.saved import load_motion
     from orientd.protocol.control_pb2 import OnTarget
@@ -20,7 +19,6 @@ __all__ = [
     "Quaternion",
     "__version__",
     "connect",
-    "connect_fleet",
     "curves",
     "load_motion",
     "plan",
@@ -36,7 +34,6 @@ _HOMES = {
     "OnTarget": "orientd.protocol.control_pb2:OnTarget",
     "Quaternion": "orientd.rotation.convert:Quaternion",
     "connect": "orientd.client.robot:connect",
-    "connect_fleet": "orientd.fleet.client:connect_fleet",
     "curves": "orientd.curves",
     "load_motion": "orientd.planner.saved:load_motion",
     "plan": "orientd.planner.offline:plan_offline",
@@ -45,7 +42,10 @@ _HOMES = {
     "word": "orientd.protocol.reports:word",
 }
 
-_MOVED = {"satellite_pass": "orientd_rotctld.satellite_pass"}
+_MOVED = {
+    "connect_fleet": "orientd_fleet.connect_fleet",
+    "satellite_pass": "orientd_rotctld.satellite_pass",
+}
 """Names of version 0.2 and where they are now."""
 
 

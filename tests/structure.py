@@ -20,7 +20,8 @@ PACKAGES = {
     "orientd": "",
     **dict.fromkeys(
         ("orientd_alpaca", "orientd_batch", "orientd_bluesky", "orientd_diffusion_policy",
-         "orientd_mavlink", "orientd_replay", "orientd_rotctld", "orientd_serving"), "adapters"),
+         "orientd_fleet", "orientd_mavlink", "orientd_replay", "orientd_rotctld",
+         "orientd_serving"), "adapters"),
     **dict.fromkeys(("orientd_dynamixel", "orientd_loopback", "orientd_ur"), "drivers"),
     **dict.fromkeys(("emulated_base", "emulated_dynamixel", "emulated_ur"), "sim"),
 }  # fmt: skip
@@ -38,8 +39,9 @@ WITHOUT_CIRCLES = tuple(
 NO_MODULE = ("orientd.kernels", "orientd")
 """The compiled library is no module that can be seen, and is taken for the whole package."""
 
-TESTED = {"unit/batch": "orientd_batch", "unit/mavlink": "orientd_mavlink",
-          "unit/replay": "orientd_replay", "unit/rotctld": "orientd_rotctld",
+TESTED = {"unit/batch": "orientd_batch", "unit/fleet": "orientd_fleet",
+          "unit/mavlink": "orientd_mavlink", "unit/replay": "orientd_replay",
+          "unit/rotctld": "orientd_rotctld",
           "unit/driver_ur": "orientd_ur", "unit/driver_dynamixel": "orientd_dynamixel",
           "unit/sim_ur": "emulated_ur",
           "unit/dynamixel_bus": "emulated_dynamixel", "unit/sim_base": "emulated_base"}  # fmt: skip

@@ -18,6 +18,7 @@ FRONTS = {
     "orientd": "What most programs need.",
     "orientd.client": "What `orientd.connect` returns; its calls return messages of the protocol.",
     "orientd_bluesky": "Devices for programs of other systems.",
+    "orientd_fleet": "Several daemons as one cell.",
     "orientd.protocol": "What turns the messages of the protocol into values and back.",
     "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
     "orientd.planner": "From a request to an immutable motion with its certificate.",
@@ -43,6 +44,7 @@ CHOSEN = {
         "Observer",
     ],
     "orientd_bluesky": ["RotationAxis", "FlyScan", "MotionStatus"],
+    "orientd_fleet": ["connect_fleet", "Fleet", "FleetMotion", "move_together", "Together"],
     "orientd.protocol": [
         "CellReport",
         "Samples",

@@ -29,7 +29,6 @@ _TABLES = {
     "access": "[access]",
     "tcp": "[tcp]",
     "metrics": "[metrics]",
-    "fleet": "[fleet]",
     "devices": "[devices.NAME]",
     "limits": "[devices.NAME.limits]",
 }
@@ -43,7 +42,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
     yield "static/motion-file.schema.json", text
     yield (
         "reference/configuration.md",
-        _from(source, "configuration", "".join(_table(Settings, ""))),
+        _from(source, "configuration", "".join(_tables())),
     )
     yield "reference/limits.md", _from(source, "limits", "".join(_presets()))
     yield "reference/recording.md", _from(source, "recording", "".join(_columns()))
@@ -140,6 +139,13 @@ def _kind(schema: Mapping[str, Any]) -> str:
 
 
 # The configuration
+
+
+def _tables() -> Iterator[str]:
+    """Yield the tables that the daemon reads, then those that packages read."""
+    yield from _table(Settings, "")
+    for point in sorted(entry_points(group="orientd.tables"), key=lambda one: one.name):
+        yield from _table(point.load(), f"[{point.name}]")
 
 
 def _table(model: type[BaseModel], heading: str) -> Iterator[str]:

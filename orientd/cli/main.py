@@ -41,7 +41,6 @@ _MODULES = {
     "sim": "sim",
     "service": "service",
     "access_commands": "lease audit",
-    "fleet": "fleet",
 }
 """The commands, or groups of commands, of each module, in the order of the help."""
 

@@ -1,4 +1,4 @@
-"""Daemons that a command starts for itself and ends with it: one, or a cell of them."""
+"""A daemon that a command starts for itself and ends with it."""
 
 from __future__ import annotations
 
@@ -90,39 +90,6 @@ def recorded(robot: Robot) -> Iterator[list[Cycle]]:
     finally:
         ended.set()
         thread.join()
-
-
-@contextlib.contextmanager
-def cell(daemons: int) -> Iterator[str]:
-    """Run *daemons* of a cell called ``demo``; yield the endpoint of one of them."""
-    with (
-        tempfile.TemporaryDirectory(prefix="orientd-fleet-") as name,
-        contextlib.ExitStack() as kept,
-    ):
-        folder = Path(name)
-        configs = [_configured(folder, number) for number in range(1, daemons + 1)]
-        for wait_ready in [kept.enter_context(begun(config)) for config in configs]:
-            wait_ready()
-        yield _endpoint(folder, 1)
-
-
-def _endpoint(folder: Path, number: int) -> str:
-    return f"unixsock-stream/{folder}/arm-{number}.zenoh"
-
-
-def _configured(folder: Path, number: int) -> Path:
-    """Write the configuration of a daemon, and return its path."""
-    name = f"arm-{number}"
-    # The others find each other through the first.
-    connect = f'connect = ["{_endpoint(folder, 1)}"]\n' if number > 1 else ""
-    config = folder / f"{name}.toml"
-    config.write_text(
-        f'[daemon]\nsocket = "{folder}/{name}.sock"\n\n'
-        f'[fleet]\ncell = "demo"\nname = "{name}"\nlisten = ["{_endpoint(folder, number)}"]\n'
-        f'{connect}\n[planner]\nprocesses = 1\n\n[devices.arm]\ndriver = "loopback"\n',
-        encoding="utf-8",
-    )
-    return config
 
 
 def _wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:

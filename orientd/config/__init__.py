@@ -11,12 +11,13 @@
 
     [devices.arm.limits]
     velocity = 2.5
+
+For packages with a table of their own: ``table`` and ``operation`` (values and their checks).
 """
 
 from __future__ import annotations
 
 from orientd.config.devices import FIRST_PHASE, SPIN_US, DeviceSettings, LimitSettings
-from orientd.config.fleet import TLS, UNIX, FleetSettings
 from orientd.config.operation import AccessSettings, MetricsSettings, Role, TcpSettings
 from orientd.config.settings import (
     Settings,

@@ -14,7 +14,6 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, ValidationError, model_validator
 
 from orientd.config.devices import FIRST_PHASE, DeviceSettings
-from orientd.config.fleet import FleetSettings
 from orientd.config.operation import (
     AccessSettings,
     DaemonSettings,
@@ -53,6 +52,10 @@ TABLES = "orientd.tables"
 """Group of entry points: the tables that installed packages read, called as their tables."""
 
 
+MOVED = {"fleet": "`orientd fleet serve`"}
+"""Tables of earlier versions that packages read now, and the commands that do so."""
+
+
 class Settings(Table):
     """A whole file, without the tables that installed packages read.
 
@@ -63,7 +66,6 @@ class Settings(Table):
         access: the table ``[access]``.
         tcp: the table ``[tcp]``; without it there is the Unix socket only.
         metrics: the table ``[metrics]``; without it there are none.
-        fleet: the table ``[fleet]``; without it the daemon is alone.
         devices: the tables ``[devices.NAME]`` by name.
     """
 
@@ -73,14 +75,13 @@ class Settings(Table):
     access: AccessSettings = AccessSettings()
     tcp: TcpSettings | None = None
     metrics: MetricsSettings | None = None
-    fleet: FleetSettings | None = None
     devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
 
     _of_packages: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @property
     def of_packages(self) -> Mapping[str, str]:
-        """Return the tables that installed packages read, each with what reads it."""
+        """Return the tables that installed packages read, each with its reader."""
         return self._of_packages
 
     @model_validator(mode="wrap")
@@ -93,10 +94,13 @@ class Settings(Table):
         from importlib.metadata import entry_points  # slow to load, and few files need it
 
         packages = {
-            entry.name: entry.module.partition(".")[0]
+            entry.name: MOVED.get(entry.name, entry.module.partition(".")[0])
             for entry in entry_points(group=TABLES)
             if entry.name in table and entry.name not in cls.model_fields
         }
+        for name, command in MOVED.items():
+            if name in table and name not in {*packages, *cls.model_fields}:
+                raise ValueError(f"{name}: {command} reads this table, and is not installed here")
         settings = handler({key: table[key] for key in table if key not in packages})
         settings._of_packages = packages  # noqa: SLF001 - an object of this class
         return settings

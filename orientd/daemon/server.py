@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from grpclib.health.check import ServiceStatus
 
@@ -42,7 +42,6 @@ from orientd.protocol import control_pb2
 if TYPE_CHECKING:
     from orientd.daemon.calls import Telemetry
     from orientd.daemon.device import Device, DeviceEvent
-    from orientd.daemon.fleet_link import FleetLink
 
 _log = logging.getLogger(__name__)
 
@@ -116,7 +115,6 @@ class _NewSettings(NamedTuple):
         can: the keys that have changed.
         cannot: the keys that need a restart.
         tables: roles and certificates.
-        fleet: configuration of the gateway to the fleet, if there is one.
         telemetry: serves the metrics, if the settings have a port for them.
     """
 
@@ -124,7 +122,6 @@ class _NewSettings(NamedTuple):
     can: list[str]
     cannot: list[str]
     tables: Tables
-    fleet: dict[str, Any] | None
     telemetry: Telemetry | None
 
 
@@ -187,21 +184,6 @@ class _Daemon:
         )
         self._listener = Listener(access, settings.tcp, self._authorization.route, self._audit)
         self._watchdog = Watchdog(self._devices.by_name)
-        self._fleet = self._fleet_link()
-
-    def _fleet_link(self) -> FleetLink | None:
-        """Return what makes this one of the daemons of a cell, if the settings name one.
-
-        Raises:
-            ConfigError: the settings do not suffice for that.
-        """
-        if self._settings.fleet is None:
-            return None
-        from orientd.daemon.fleet_link import FleetLink
-
-        return FleetLink(
-            self._settings, self._socket, audit=self._audit, state=self._service.present_state
-        )
 
     async def run(self) -> None:
         """Serve until told to stop; then bring everything to rest."""
@@ -216,8 +198,6 @@ class _Daemon:
             await self._life.run(self._devices.launch)
             self._watchdog.start()
             loop.add_signal_handler(signal.SIGHUP, self._reload)
-            if self._fleet is not None:
-                self._fleet.start()
             self._status.set(True)
             await self._serve()
         finally:
@@ -228,8 +208,6 @@ class _Daemon:
         self._status.set(False)
         await self._life.run(self._devices.shutdown)
         self._service.end_calls()
-        if self._fleet is not None:
-            await self._fleet.close()
         await self._devices.planners.close()
         await self._listener.close(GRACE)
         self._devices.close()
@@ -263,8 +241,6 @@ class _Daemon:
             return
         settings, telemetry = new.settings, self._telemetry
         self._listener.change(new.tables)
-        if self._fleet is not None and new.fleet is not None:
-            self._fleet.change(new.fleet)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
         self._service.keyframes = settings.access.keyframes
         self._authorization.most_calls = settings.access.streams
@@ -293,7 +269,6 @@ class _Daemon:
             cannot,
             # The files that it names may have changed where the settings have not.
             self._listener.read(settings.access, settings.tcp),
-            None if self._fleet is None else self._fleet.configured(settings),
             # Last: nothing after it fails, which would leave its port open.
             self._telemetry
             if self._settings.metrics == settings.metrics

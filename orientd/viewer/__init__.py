@@ -1,7 +1,9 @@
 """The live view: a device's setpoints, measurements and state in a browser.
 
 The view is a client of the control socket like any other.  It streams cycles once for all open
-pages, and not at all while none is open.  It needs the extra ``view``: ``websockets``.
+pages, and not at all while none is open.  It needs the extra ``view``, the package `websockets`.
+
+For other pages of devices: ``server`` (serves the page) and ``words`` (its texts).
 """
 
 from __future__ import annotations
@@ -11,15 +13,11 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.viewer.cell import Member
-    from orientd.viewer.cell_view import CellView
     from orientd.viewer.view import View
 
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.viewer.cell": ("Member",),
-        "orientd.viewer.cell_view": ("CellView",),
         "orientd.viewer.view": ("View",),
     },
 )

@@ -16,7 +16,6 @@ from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import last_ending, orientation, titled, to_quaternion
 from orientd.rotation import to_euler
-from orientd.viewer.cell import Member
 
 Line = tuple[str, str, str]
 
@@ -133,33 +132,6 @@ def _orientation(name: str, q: Sequence[float]) -> list[Line]:
         orientation(q).replace(" +", "\N{NO-BREAK SPACE}+").replace(" -", "\N{NO-BREAK SPACE}-")
     )
     return [("row", name, numbers), ("row", "", angles)]
-
-
-def cell(members: Sequence[Member]) -> list[Line]:
-    """Return the daemons of a cell, what their devices do, and how old that is."""
-    if not members:
-        return [("alert", "✕ Not connected", "There is no daemon in this cell.")]
-    lines: list[Line] = []
-    for member in members:
-        lines.append(("title", member.daemon, _age(member)))
-        if member.problem:
-            lines.append(("alert", "✕ Out of date", f"{member.daemon} {member.problem}"))
-        for device in member.devices:
-            is_known = not (member.problem or device.is_stale)
-            _, word, more = current(device, is_known=is_known)
-            lines.append(("current", f"{device.name}: {word}", more))
-            if device.state == pb.STATE_FAULT:
-                lines.append(("alert", f"⚠ {FAULTS[device.fault]}", device.fault_text))
-    return lines
-
-
-def _age(member: Member) -> str:
-    """Return the age of a daemon's report in words, in steps slow enough to read."""
-    if member.age is None:
-        return ""
-    text = "less than 0.3 s old" if member.age < 0.3 else f"{member.age:.1f} s old"
-    is_vague = member.age_bound is not None and member.age_bound > 0.1
-    return f"{text} (±{member.age_bound:.1f} s)" if is_vague else text
 
 
 def certificate(of: pb.Certificate) -> list[Line]:

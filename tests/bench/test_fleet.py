@@ -1,6 +1,5 @@
 """A cell on this machine: how soon all stop, how far apart motions start, what 64 daemons take."""
 
-import itertools
 import os
 import statistics
 import subprocess
@@ -10,13 +9,12 @@ import time
 from pathlib import Path
 
 import pytest
-from fleet_cell import RunningCell
-from harness import children
+from fleet_cell import RunningCell, gateway_of
 
-from orientd.cli.commands.fleet import STOP_PRIORITY
-from orientd.fleet import FleetMotion, move_together
 from orientd.motion_file import parse
 from orientd.servo import set_scheduling
+from orientd_fleet import FleetMotion, move_together
+from orientd_fleet.command import STOP_PRIORITY
 
 pytest.importorskip("zenoh")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(900)]
@@ -112,12 +110,7 @@ def used(process):
 
 
 def gateways(cell):
-    pids = [process.pid for process in cell.processes.values()]
-    return [
-        child
-        for child in itertools.chain(*map(children, pids))
-        if b"orientd.fleet" in Path(f"/proc/{child}/cmdline").read_bytes()
-    ]
+    return [cell.processes[gateway_of(name)].pid for name in cell.names]
 
 
 def test_64_daemons_at_10_hz(folder, capsys):

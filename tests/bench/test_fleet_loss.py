@@ -31,7 +31,7 @@ LEASE, LINK = 3.0, 3.0
 
 ASKER = """
 import json, sys, time
-from orientd.fleet import FleetMotion, connect_fleet, move_together
+from orientd_fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 endpoint, cell, certificate, key, ca, rounds, angle, velocity, *names = sys.argv[1:]

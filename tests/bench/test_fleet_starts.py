@@ -20,10 +20,10 @@ from slow_link import SlowLink
 
 import orientd
 from orientd.errors import StateError
-from orientd.fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
+from orientd_fleet import FleetMotion, connect_fleet, move_together
 
 pytest.importorskip("zenoh")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1200)]
@@ -165,7 +165,7 @@ def test_with_one_unable_none_moves(folder, capsys):
 
 ASKER = """
 import sys
-from orientd.fleet import FleetMotion, connect_fleet, move_together, together
+from orientd_fleet import FleetMotion, connect_fleet, move_together, together
 from orientd.motion_file import parse
 starts = together._starts
 def told(*given):

@@ -12,6 +12,7 @@ from pages import DOCS, REASONS, blocks, pages
 
 from orientd import config, motion_file
 from orientd.cli.main import app
+from orientd_fleet.settings import MemberSettings
 
 QUICK = ["frames.md", "keep-out.md", "library.md", "satellite-pass.md"]
 TURN = [{"rotation_vector": [0, 0, 0]}, {"rotation_vector": [0, 0, 1]}]
@@ -38,7 +39,8 @@ def check_settings(table):
     devices = table.setdefault("devices", {"arm": {"driver": "loopback"}})
     for device in devices.values():
         device.setdefault("driver", "loopback")
-    config.parse(table, source="a page")
+    kind = MemberSettings if "fleet" in table else config.Settings
+    config.parse_as(kind, table, source="a page")
 
 
 def commands(text):

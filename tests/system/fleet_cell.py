@@ -10,7 +10,7 @@ from pathlib import Path
 from authority import Authority
 from harness import free_port
 
-from orientd.fleet import connect_fleet
+from orientd_fleet import connect_fleet
 
 CELL = "lab"
 AHEAD = ["unshare", "--time", "--monotonic"]
@@ -23,8 +23,24 @@ def can_have_own_clocks():
     return done.returncode == 0
 
 
+def gateway_of(name):
+    """Return what the gateway of a daemon is called among the processes of a cell."""
+    return f"{name}.gateway"
+
+
+@contextlib.contextmanager
+def hanging(cell, name):
+    """Let a process of a cell hang for as long as a block."""
+    process = cell.processes[name]
+    process.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGCONT)
+
+
 class RunningCell:
-    """Daemons ``arm-1``, ``arm-2`` ... with a loopback device ``arm`` each."""
+    """Daemons ``arm-1``, ``arm-2`` ... with a loopback device ``arm`` and a gateway each."""
 
     def __init__(
         self,
@@ -78,8 +94,8 @@ class RunningCell:
     def control(self, name):
         return self.folder / f"{name}.sock"
 
-    def audit(self, name):
-        return (self.folder / name / "orientd/audit.jsonl").read_text()
+    def log(self, name):
+        return (self.folder / f"{name}.log").read_text()
 
     def _table(self, name):
         text = f'[fleet]\ncell = "{CELL}"\nname = "{name}"\n'
@@ -98,6 +114,7 @@ class RunningCell:
         return [] if ahead is None else [*AHEAD, str(round(ahead))]
 
     def start(self, name):
+        """Start a daemon, or the router."""
         config = self.folder / f"{name}.toml"
         text = self._table(name)
         if name != "router":
@@ -108,8 +125,15 @@ class RunningCell:
             )
         config.write_text(text)
         command = ["run"] if name != "router" else ["fleet", "router"]
-        with (self.folder / f"{name}.log").open("ab") as log:
-            self.processes[name] = subprocess.Popen(
+        return self._begin(name, name, *command)
+
+    def start_gateway(self, name):
+        """Start the gateway of a daemon, which need not run yet."""
+        return self._begin(gateway_of(name), name, "fleet", "serve")
+
+    def _begin(self, process, name, *command):
+        with (self.folder / f"{process}.log").open("ab") as log:
+            self.processes[process] = subprocess.Popen(
                 [
                     *self.prefix,
                     *self._clock(name),
@@ -118,14 +142,14 @@ class RunningCell:
                     "orientd",
                     *command,
                     "-c",
-                    config,
+                    self.folder / f"{name}.toml",
                 ],
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,
                 env={**os.environ, "XDG_STATE_HOME": str(self.folder / name)},
             )
-        return self.processes[name]
+        return self.processes[process]
 
     def await_ready(self, name):
         line = self.processes[name].stdout.readline()
@@ -148,7 +172,9 @@ class RunningCell:
             names = [*(("router",) if self.is_tls else ()), *self.names]
             for name in names:
                 self.start(name)
-            for name in names:
+            for name in self.names:
+                self.start_gateway(name)
+            for name in [*names, *map(gateway_of, self.names)]:
                 self.await_ready(name)
         except BaseException:
             self.__exit__()

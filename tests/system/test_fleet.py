@@ -7,21 +7,20 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 from authority import OPENSSL, Authority
 from command_line import begin
 from command_line import orientd as orientd_command
-from fleet_cell import CELL, RunningCell
-from harness import children, until
+from fleet_cell import CELL, RunningCell, gateway_of, hanging
+from harness import until
 
 import orientd
 from orientd.errors import AccessError, DaemonError, StateError
-from orientd.fleet import FleetMotion, client, connect_fleet, move_together
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
+from orientd_fleet import FleetMotion, client, connect_fleet, move_together
 
 pytest.importorskip("zenoh")
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
@@ -96,16 +95,13 @@ def test_one_stop_ends_every_motion_and_is_acknowledged_by_each(cell, fleet):
         assert told[name].devices[0]["state"] == "STREAMING"
         assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
         robot.close()
-        until(lambda name=name: '"certificate:pendant"' in cell.audit(name), "the audit log")
+        line = "fleet: stop by certificate:pendant: arm"
+        until(lambda name=name, line=line: line in cell.log(gateway_of(name)), "the log")
 
 
 def test_a_stop_that_a_daemon_does_not_acknowledge_fails_and_names_it(cell):
-    gateway = gateway_of(cell.processes["arm-2"])
-    os.kill(gateway, signal.SIGSTOP)
-    try:
+    with hanging(cell, gateway_of("arm-2")):
         done = orientd_command("fleet", "stop", "--halt", *options_of(cell, "pendant"))
-    finally:
-        os.kill(gateway, signal.SIGCONT)
     assert done.returncode == 1
     assert done.stdout.startswith("arm-1: arm (")
     assert done.stderr == "orientd: arm-2: has not acknowledged the stop\n"
@@ -114,12 +110,8 @@ def test_a_stop_that_a_daemon_does_not_acknowledge_fails_and_names_it(cell):
 def test_a_daemon_that_hangs_is_stopped_all_the_same(cell, fleet):
     with fleet.robot("arm-1") as robot:
         move = robot.move(LONG)
-        daemon = cell.processes["arm-1"].pid
-        os.kill(daemon, signal.SIGSTOP)
-        try:
+        with hanging(cell, "arm-1"):
             told = {one.daemon: one for one in fleet.stop()}
-        finally:
-            os.kill(daemon, signal.SIGCONT)
         assert told["arm-1"].devices[0]["state"] == "STREAMING"
         assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
 
@@ -175,7 +167,7 @@ KILLED = """
 import sys
 sys.path[:0] = sys.argv[1:3]
 from pathlib import Path
-from orientd.fleet import FleetMotion, connect_fleet, move_together
+from orientd_fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
 files = {name: Path(path) for name, path in zip(("certificate", "key", "ca"), sys.argv[4:7])}
 fleet = connect_fleet(sys.argv[3], cell="lab", wait_for=sys.argv[7:], **files)
@@ -251,18 +243,6 @@ def test_a_daemon_that_is_killed_on_the_way_stops_the_others(cell, fleet):
     cell.start("arm-2")
     cell.await_ready("arm-2")
     until(lambda: are_at_rest(cell), "all are at rest")
-
-
-def test_what_moves_goes_on_when_the_gateway_is_killed(cell, fleet):
-    with fleet.robot("arm-1") as robot:
-        move = robot.move(LONG)
-        os.kill(gateway_of(cell.processes["arm-1"]), signal.SIGKILL)
-        until(lambda: fleet.daemons == ["arm-2"], "arm-1 is not seen")
-        until(lambda: fleet.daemons == cell.names, "another gateway comes")
-        assert not move.is_done
-        told = {one.daemon: one for one in fleet.stop()}
-        assert told["arm-1"].devices[0]["state"] == "STREAMING"
-        assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
 
 
 def test_ctrl_c_stops_all_on_their_paths(cell, tmp_path):
@@ -350,28 +330,28 @@ def test_a_daemon_that_was_killed_is_gone_at_once_and_comes_back(cell, fleet):
     until(lambda: fleet.daemons == cell.names, "arm-2 is back")
 
 
-def gateway_of(daemon):
-    """Return the process that speaks Zenoh for a daemon; ``None`` while there is none."""
-    named = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children(daemon.pid)}
-    return next((pid for pid, line in named.items() if b"orientd.fleet" in line), None)
-
-
 def test_a_renewed_certificate_is_taken_up_by_a_reload(cell, fleet):
-    daemon = cell.processes["arm-2"]
-    before = gateway_of(daemon)
     cell.authority.revoke("arm-2")
     cell.authority.issue("arm-2", hosts="IP:127.0.0.1", use="member")
-    daemon.send_signal(signal.SIGHUP)
-    until(lambda: fleet.daemons == ["arm-1"], "the gateway with the old one ends")
-    until(lambda: fleet.daemons == cell.names, "another one comes")
-    assert gateway_of(daemon) != before
+    for name in ("arm-2", gateway_of("arm-2")):
+        cell.processes[name].send_signal(signal.SIGHUP)
+    until(lambda: fleet.daemons == ["arm-1"], "it leaves with the old one")
+    until(lambda: fleet.daemons == cell.names, "it comes back with the new one")
 
 
-def test_a_daemon_without_a_cell_loads_no_zenoh(cell):
-    loaded = "import sys, orientd.daemon.server, orientd.daemon.devices, orientd.config; "
-    asked = f"{loaded}print([m for m in sys.modules if 'zenoh' in m or m == 'orientd.fleet'])"
-    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+def test_a_reload_of_settings_that_are_not_valid_changes_nothing(cell, fleet):
+    gateway, config = gateway_of("arm-2"), cell.folder / "arm-2.toml"
+    before = config.read_text()
+    config.write_text(before.replace("[fleet]", "[fleet]\nspeed = 3"))
+    try:
+        cell.processes[gateway].send_signal(signal.SIGHUP)
+        line = f"fleet: reload: nothing changed: {config}: fleet.speed: unknown key"
+        until(lambda: line in cell.log(gateway), "the log")
+    finally:
+        config.write_text(before)
+    cell.processes[gateway].send_signal(signal.SIGHUP)
+    until(lambda: "fleet: reload: nothing has changed" in cell.log(gateway), "the log")
+    assert fleet.daemons == cell.names
 
 
 def test_the_demo_starts_daemons_and_prints_the_skew():

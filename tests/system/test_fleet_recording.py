@@ -12,10 +12,10 @@ from recorded_facts import clocks, configurations
 
 from orientd import rotation
 from orientd.errors import DaemonError
-from orientd.fleet import FleetMotion, move_together
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import load_recording, planned_orientations
+from orientd_fleet import FleetMotion, move_together
 from orientd_replay import read_orientations
 
 pytest.importorskip("zenoh")
@@ -69,7 +69,7 @@ def test_every_cycle_event_and_plan_of_each_daemon_is_in_the_file(cell, recorded
         assert float(away.max()) < 3e-4
     settings = configurations(path)
     assert sorted(settings) == cell.names
-    assert settings["arm-2"]["fleet"]["name"] == "arm-2"
+    assert list(settings["arm-2"]["devices"]) == ["arm"]
 
 
 def test_all_is_on_one_clock_whatever_a_daemon_has(cell, recorded):

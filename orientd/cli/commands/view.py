@@ -6,14 +6,11 @@ import contextlib
 import os
 import threading
 import webbrowser
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Protocol
 
 from orientd.cli.command import Beside, Endpoint, Host, Port, need_extra
 from orientd.cli.output import Output
 from orientd.cli.parameters import Option
-
-if TYPE_CHECKING:
-    from orientd.viewer import CellView, View
 
 PORT = 8080
 
@@ -57,7 +54,20 @@ def view(
     serve_page(page, host, no_open=no_open, out=out)
 
 
-def serve_page(page: View | CellView, host: str, *, no_open: bool, out: Output) -> None:
+class Page(Protocol):
+    """A page that a command serves.
+
+    Attributes:
+        port: TCP port of its server.
+    """
+
+    port: int
+
+    def run(self, closing: threading.Event) -> None:
+        """Serve until *closing* is set."""
+
+
+def serve_page(page: Page, host: str, *, no_open: bool, out: Output) -> None:
     """Serve a page until Ctrl-C or SIGTERM, and open it in a browser if there is one."""
     url = f"http://{f'[{host}]' if ':' in host else host}:{page.port}"
     with contextlib.suppress(KeyboardInterrupt):

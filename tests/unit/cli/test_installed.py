@@ -90,6 +90,8 @@ print([name for name in sys.modules if name == "importlib.metadata"])
     [
         ("from orientd import satellite_pass", "orientd_rotctld.satellite_pass"),
         ("import orientd; orientd.satellite_pass", "orientd_rotctld.satellite_pass"),
+        ("from orientd import connect_fleet", "orientd_fleet.connect_fleet"),
+        ("from orientd.fleet import move_together", "orientd_fleet"),
         ("from orientd.adapters import RotationAxis", "orientd_bluesky"),
         ("from orientd.recorder import read_orientations", "orientd_replay.read_orientations"),
         ("import orientd.recorder as r; r.read_orientations", "orientd_replay.read_orientations"),

@@ -9,6 +9,7 @@ from orientd.client import certificate_files
 from orientd.client.channel import Way
 from orientd.client.robot import Robot
 from orientd.errors import DaemonError
+from orientd_fleet import connect_fleet
 
 AIM = [{"rotation_vector": [0.1, 0.0, 0.0]}]
 
@@ -46,7 +47,7 @@ def test_what_is_called_wrongly_is_not_taken_for_a_closed_connection(tmp_path):
 
 @pytest.mark.parametrize(
     ("connect_to", "address"),
-    [(orientd.connect, {"address": "host:1"}), (orientd.connect_fleet, {"connect": "tls/host:1"})],
+    [(orientd.connect, {"address": "host:1"}), (connect_fleet, {"connect": "tls/host:1"})],
 )
 def test_what_is_missing_of_the_certificates_is_named(monkeypatch, connect_to, address):
     for name in ("ORIENTD_CERT", "ORIENTD_KEY", "ORIENTD_CELL"):

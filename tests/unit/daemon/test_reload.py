@@ -5,19 +5,13 @@ import contextlib
 import logging
 import socket
 import threading
-from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from orientd import config
-from orientd.daemon.fleet_link import FleetLink
 from orientd.daemon.reload import changes
 from orientd.daemon.server import _Daemon
-from orientd.errors import ConfigError
 
-CELL = {"cell": "line", "name": "arm", "listen": ["tls/h:7447"], "certificate": "/c", "key": "/k",
-        "ca": "/a"}  # fmt: skip
 TCP = {"listen": "a:1", "certificate": "/c", "key": "/k", "ca": "/a"}
 
 
@@ -56,33 +50,6 @@ def test_devices_and_addresses_need_a_restart():
     ]
 
 
-def fleet_link(of):
-    pytest.importorskip("zenoh")
-    return FleetLink(of, Path("/run/x.sock"), audit=None, state=None)
-
-
-@pytest.mark.parametrize("tables", [{}, {"fleet": {**CELL, "name": "leg", "state_hz": 5}}])
-def test_a_daemon_keeps_its_place_in_the_cell_and_takes_up_the_roles_there(tables):
-    link = fleet_link(settings(fleet=CELL, tcp=TCP))
-    after = settings(access={"certificates": {"ana": "operator"}}, **tables)
-    begin = link.configured(after)
-    assert begin["name"] == "arm"
-    subjects = begin["zenoh"]["access_control"]["subjects"]
-    assert {name for one in subjects for name in one["cert_common_names"]} == {"ana"}
-
-
-def test_a_certificate_that_was_renewed_in_its_place_is_taken_up_in_the_cell(tmp_path):
-    files = {name: str(tmp_path / name) for name in ("certificate", "key", "ca")}
-    for path in files.values():
-        Path(path).write_text("old")
-    given = settings(fleet={**CELL, **files}, tcp=TCP)
-    link = fleet_link(given)
-    before = link.configured(given)
-    assert link.configured(given) == before
-    Path(files["certificate"]).write_text("new")
-    assert link.configured(given) != before
-
-
 @pytest.fixture
 def daemon_of(tmp_path):
     """Make a daemon that starts nothing, of what it reads at a reload."""
@@ -92,17 +59,6 @@ def daemon_of(tmp_path):
             settings(access={"audit": str(tmp_path / "audit")}), tmp_path / "x", "", reread,
             on_ready=None, needs_devices=False, ending=ending,
         )  # fmt: skip
-
-
-def test_settings_that_the_cell_refuses_change_nothing(daemon_of, caplog):
-    def refuse(_):
-        raise ConfigError("fleet.key: missing")
-
-    daemon = daemon_of(settings)
-    daemon._fleet = SimpleNamespace(configured=refuse)
-    with caplog.at_level(logging.ERROR):
-        asyncio.run(daemon._apply_settings())
-    assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
 
 
 def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(daemon_of, caplog):

@@ -1,8 +1,8 @@
 import random
 
 from orientd.clock import ManualClock
-from orientd.fleet import ClockOffset
-from orientd.fleet.clocks import DRIFT
+from orientd_fleet import ClockOffset
+from orientd_fleet.clocks import DRIFT
 
 
 class Other:

@@ -5,8 +5,10 @@ import pytest
 
 from orientd import config
 from orientd.errors import ConfigError, RequestError
-from orientd.fleet import address_of, member_configuration, read_plan, router_configuration
-from orientd.fleet.access import session_configuration
+from orientd_fleet import address_of, member_configuration, read_plan, router_configuration
+from orientd_fleet.access import session_configuration
+from orientd_fleet.gateway import _fingerprint
+from orientd_fleet.settings import MemberSettings
 
 SOCKET = Path("/run/control.sock")
 
@@ -16,7 +18,8 @@ DEVICES = {"arm": {"driver": "loopback"}}
 
 
 def settings(*, callers=(), tcp=TCP, **fleet):
-    return config.parse(
+    return config.parse_as(
+        MemberSettings,
         {
             "fleet": {**FLEET, "connect": ["tls/host:7447"], **fleet},
             **({"tcp": tcp} if tcp else {}),
@@ -41,10 +44,6 @@ def access_of(given):
     return found, control["default_permission"]
 
 
-def test_a_daemon_is_alone_unless_the_settings_say_otherwise():
-    assert config.default_settings().fleet is None
-
-
 @pytest.mark.parametrize(
     ("table", "words"),
     [
@@ -62,7 +61,7 @@ def test_a_daemon_is_alone_unless_the_settings_say_otherwise():
 )
 def test_settings_that_open_the_daemon_to_others_are_refused(table, words):
     with pytest.raises(ConfigError, match=words.replace("/", ".")):
-        config.parse({"fleet": table, "devices": DEVICES}, source="test")
+        config.parse_as(MemberSettings, {"fleet": table, "devices": DEVICES}, source="test")
 
 
 def test_tls_needs_a_certificate():
@@ -87,6 +86,20 @@ def test_commands_go_to_the_tls_port_or_to_the_socket():
     assert address_of(settings(), SOCKET) == "10.0.0.5:7450"
     local = settings(connect=["unixsock-stream//run/x"])
     assert address_of(local, SOCKET) == "unix:/run/control.sock"
+
+
+def test_other_roles_are_other_settings_of_the_gateway():
+    assert _fingerprint(settings(), SOCKET) == _fingerprint(settings(), SOCKET)
+    assert _fingerprint(settings(callers=["ana"]), SOCKET) != _fingerprint(settings(), SOCKET)
+
+
+def test_a_certificate_that_was_renewed_in_its_place_is_another(tmp_path):
+    files = {name: str(tmp_path / name) for name in ("certificate", "key", "ca")}
+    for path in files.values():
+        Path(path).write_text("old")
+    before = _fingerprint(settings(**files), SOCKET)
+    Path(files["certificate"]).write_text("new")
+    assert _fingerprint(settings(**files), SOCKET) != before
 
 
 def test_whoever_is_in_no_list_may_do_nothing():

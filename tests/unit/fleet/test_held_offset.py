@@ -1,7 +1,7 @@
 """The offset by which a recording shifts a daemon's times."""
 
-from orientd.fleet.clocks import Offset
-from orientd.fleet.recording import HeldOffset
+from orientd_fleet.clocks import Offset
+from orientd_fleet.recording import HeldOffset
 
 
 def test_it_stays_while_it_may_be_right_and_moves_no_further_than_it_must():

@@ -1,16 +1,14 @@
 """Texts of the page."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS
-from orientd.protocol import STALE, limits_to_message, quaternion
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import limits_to_message, quaternion
 from orientd.viewer import words
-from orientd.viewer.cell import Member
 
 STATES = [number for number in pb.State.values() if number != pb.STATE_UNSPECIFIED]
 DAEMON = pb.DaemonReport(version="1", pid=7, uptime=60.0, socket="/run/it.sock")
@@ -112,19 +110,6 @@ def _shown(lines):
     return [line.replace("\N{NO-BREAK SPACE}", "_") for line in lines]
 
 
-def test_a_daemon_of_a_cell_that_is_gone_or_silent_is_not_told_as_it_was():
-    def cell(one):
-        return [" ".join(line[1:]) for line in words.cell([one])]
-
-    member = Member("arm-1", is_alive=True, age=0.1, age_bound=0.001, devices=[DEVICE])
-    assert "arm: ● Holding at rest, ready to move" in cell(member)
-    for one in (replace(member, is_alive=False), replace(member, age=STALE + 0.1)):
-        lines = cell(one)
-        assert "arm: ? Unknown holding when last heard of" in lines
-        assert not any("ready" in line for line in lines)
-    assert "✕ Out of date arm says nothing" in cell(Member("arm", is_alive=True))
-
-
 def test_a_pause_is_not_shown_as_a_motion():
     moving = changed(DEVICE, state=pb.STATE_STREAMING)
     assert words.state(moving)[0] == "▶ Moving"
@@ -160,13 +145,3 @@ def test_a_certificate_is_shown_with_its_limits_stops_and_notes():
     more = {name: value for _, name, value in words.certificate(certificate)}
     assert more["Linear velocity"] == "0.1 of 0.2 m/s (50 %)"
     assert more["Linear accel."] == "0.5 of 2 m/s² (25 %)"
-
-
-def test_an_age_says_how_far_it_may_be_wrong():
-    def age(**more):
-        return words.cell([Member("arm", is_alive=True, **more)])[0][2]
-
-    assert age() == ""
-    assert age(age=0.2, age_bound=0.05) == "less than 0.3 s old"
-    assert age(age=0.8, age_bound=0.05) == "0.8 s old"
-    assert age(age=0.8, age_bound=0.4) == "0.8 s old (±0.4 s)"

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any, Self
 
 from orientd.client import Robot, certificate_files
 from orientd.client import connect as connect_daemon
-from orientd.config import TLS
 from orientd.errors import DaemonError, OrientdError
-from orientd.fleet.access import common_name, session_configuration, tls_configuration
-from orientd.fleet.clocks import ClockOffset
-from orientd.fleet.keys import LOCAL, daemon_of, key_of, name_of
-from orientd.fleet.session import open_session
+from orientd_fleet.access import common_name, session_configuration, tls_configuration
+from orientd_fleet.clocks import ClockOffset
+from orientd_fleet.keys import LOCAL, daemon_of, key_of, name_of
+from orientd_fleet.session import open_session
+from orientd_fleet.settings import TLS
 
 if TYPE_CHECKING:
     import zenoh
 
-    from orientd.fleet.recording import FleetRecording
+    from orientd_fleet.recording import FleetRecording
 
 SETTLING = 3.0
 """How long a client waits for the first daemon of the cell unless told otherwise, s."""
@@ -309,6 +309,6 @@ class Fleet:
             path: of the file, which is overwritten.
             daemons: their names; by default every daemon that is there meanwhile.
         """
-        from orientd.fleet.recording import FleetRecording
+        from orientd_fleet.recording import FleetRecording
 
         return FleetRecording(self, Path(path), daemons)

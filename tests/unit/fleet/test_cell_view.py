@@ -2,17 +2,30 @@
 
 import math
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_words import DEVICE, changed
 
 from orientd.errors import OrientdError
 from orientd.protocol import STALE, quaternion
 from orientd.protocol import control_pb2 as pb
-from orientd.viewer import CellView, Member
+from orientd_fleet.cell import Member
+from orientd_fleet.cell_view import CellView, lines
 
 pytest.importorskip("websockets")
+
+DEVICE = pb.DeviceReport(
+    name="arm", driver="loopback", rate_hz=500.0, state=pb.STATE_HOLDING, speed=1.0
+)
+
+
+def changed(message, **fields):
+    """Return a copy of *message* with other *fields*."""
+    copy = type(message).FromString(message.SerializeToString())
+    copy.MergeFrom(type(message)(**fields))
+    return copy
+
 
 TURNED = changed(DEVICE, cycle=pb.Cycle(q=quaternion((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))))
 
@@ -91,3 +104,26 @@ def test_a_page_stops_and_halts_and_is_told_what_did_not_answer(view_of):
     cell.problem = "left: no answer"
     with pytest.raises(OrientdError, match="not acknowledged: left: no answer"):
         view.do({"do": "stop"})
+
+
+def test_a_daemon_of_a_cell_that_is_gone_or_silent_is_not_told_as_it_was():
+    def cell(one):
+        return [" ".join(line[1:]) for line in lines([one])]
+
+    member = Member("arm-1", is_alive=True, age=0.1, age_bound=0.001, devices=[DEVICE])
+    assert "arm: ● Holding at rest, ready to move" in cell(member)
+    for one in (replace(member, is_alive=False), replace(member, age=STALE + 0.1)):
+        texts = cell(one)
+        assert "arm: ? Unknown holding when last heard of" in texts
+        assert not any("ready" in line for line in texts)
+    assert "✕ Out of date arm says nothing" in cell(Member("arm", is_alive=True))
+
+
+def test_an_age_says_how_far_it_may_be_wrong():
+    def age(**more):
+        return lines([Member("arm", is_alive=True, **more)])[0][2]
+
+    assert age() == ""
+    assert age(age=0.2, age_bound=0.05) == "less than 0.3 s old"
+    assert age(age=0.8, age_bound=0.05) == "0.8 s old"
+    assert age(age=0.8, age_bound=0.4) == "0.8 s old (±0.4 s)"

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from orientd.errors import OrientdError
+from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
-from orientd.viewer import words
-from orientd.viewer.cell import Cell
 from orientd.viewer.server import PageServer
+from orientd.viewer.words import FAULTS, Line, current
+from orientd_fleet.cell import Cell, Member
 
 SPACING = 0.9
 """From one device to the next, m."""
@@ -66,7 +67,7 @@ class CellView:
             "dark": self._is_dark,
             "control": None,
             "tools": tools,
-            "status": words.cell(members),
+            "status": lines(members),
         }
 
     def do(self, request: Mapping[str, Any]) -> None:
@@ -79,3 +80,30 @@ class CellView:
             problem = self._cell.stop(is_quickest=request["do"] == "halt")
             if problem:
                 raise OrientdError(f"not acknowledged: {problem}")
+
+
+def lines(members: Sequence[Member]) -> list[Line]:
+    """Return the daemons of a cell, what their devices do, and how old that is."""
+    if not members:
+        return [("alert", "✕ Not connected", "There is no daemon in this cell.")]
+    shown: list[Line] = []
+    for member in members:
+        shown.append(("title", member.daemon, _age(member)))
+        if member.problem:
+            shown.append(("alert", "✕ Out of date", f"{member.daemon} {member.problem}"))
+        for device in member.devices:
+            is_known = not (member.problem or device.is_stale)
+            _, word, more = current(device, is_known=is_known)
+            shown.append(("current", f"{device.name}: {word}", more))
+            if device.state == pb.STATE_FAULT:
+                shown.append(("alert", f"⚠ {FAULTS[device.fault]}", device.fault_text))
+    return shown
+
+
+def _age(member: Member) -> str:
+    """Return the age of a daemon's report in words, in steps slow enough to read."""
+    if member.age is None:
+        return ""
+    text = "less than 0.3 s old" if member.age < 0.3 else f"{member.age:.1f} s old"
+    is_vague = member.age_bound is not None and member.age_bound > 0.1
+    return f"{text} (±{member.age_bound:.1f} s)" if is_vague else text

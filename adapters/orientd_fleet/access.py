@@ -15,9 +15,9 @@ from typing import Any
 
 from orientd import config
 from orientd.client import check_folder
-from orientd.config import TLS, UNIX, FleetSettings, Settings
 from orientd.errors import ConfigError, DaemonError
-from orientd.fleet.keys import ROOT, UNIX_ADDRESS, key_of
+from orientd_fleet.keys import ROOT, UNIX_ADDRESS, key_of
+from orientd_fleet.settings import TLS, UNIX, FleetSettings, MemberSettings
 
 LINK_LEASE_MS = 3000
 """A link without a sign of life for so long is given up."""
@@ -36,7 +36,7 @@ _WILDCARDS = ("0.0.0.0", "::", "*")
 Tree = dict[str, Any]
 
 
-def member_configuration(settings: Settings, *, is_router: bool = False) -> Tree:
+def member_configuration(settings: MemberSettings, *, is_router: bool = False) -> Tree:
     """Return Zenoh's configuration of a daemon, or of a router.
 
     Raises:
@@ -44,8 +44,6 @@ def member_configuration(settings: Settings, *, is_router: bool = False) -> Tree
         DaemonError: the folder of a Unix socket is open to others.
     """
     fleet, tcp = settings.fleet, settings.tcp
-    if fleet is None:
-        raise ConfigError("fleet: missing")
     tree = session_configuration(fleet.listen, fleet.connect, is_router=is_router)
     if fleet.is_tls:
         files: list[Path] = []
@@ -67,13 +65,12 @@ def router_configuration(path: Path) -> Tree:
     Raises:
         ConfigError: the file cannot be read or is not well formed.
     """
-    settings = config.parse(_NO_DEVICE | config.read_table(path), source=str(path))
-    if settings.fleet is None:
-        raise ConfigError(f"{path}: fleet: missing")
+    table = _NO_DEVICE | config.read_table(path)
+    settings = config.parse_as(MemberSettings, table, source=str(path))
     return member_configuration(settings, is_router=True)
 
 
-def address_of(settings: Settings, socket: Path) -> str:
+def address_of(settings: MemberSettings, socket: Path) -> str:
     """Return the address at which a daemon of a cell takes calls.
 
     Args:
@@ -83,7 +80,7 @@ def address_of(settings: Settings, socket: Path) -> str:
     Raises:
         ConfigError: the cell has TLS, and the daemon has no address that others can use.
     """
-    if settings.fleet is None or not settings.fleet.is_tls:
+    if not settings.fleet.is_tls:
         return f"{UNIX_ADDRESS}{socket}"
     if settings.tcp is None:
         raise ConfigError("fleet: commands go to the daemon's TLS port; add the table [tcp]")

@@ -23,9 +23,6 @@ LOCAL = "local"
 UNIX_ADDRESS = "unix:"
 """Prefix of the address of a control socket; any other address is ``HOST:PORT``."""
 
-PACKET_BYTES = 1 << 18
-"""The largest packet between a daemon and its gateway."""
-
 TIME_BYTES = 8
 """Of a daemon's monotonic clock, ns, little-endian: the attachment of a state, a clock's answer."""
 

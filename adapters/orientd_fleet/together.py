@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 from orientd.client import MoveHandle, Robot, StartAt
 from orientd.errors import DaemonError, LateError, OrientdError
-from orientd.fleet.clocks import Offset
-from orientd.fleet.plan_file import START_IN, FleetMotion
 from orientd.protocol import GOOD_OUTCOMES
 from orientd.protocol import control_pb2 as pb
+from orientd_fleet.clocks import Offset
+from orientd_fleet.plan_file import START_IN, FleetMotion
 
 if TYPE_CHECKING:
-    from orientd.fleet.client import Fleet
+    from orientd_fleet.client import Fleet
 
 LEAST_MARGIN_NS = 50_000_000
 """Time before the start in which motions are only withdrawn, not armed any more."""

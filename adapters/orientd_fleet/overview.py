@@ -6,14 +6,14 @@ import threading
 import time
 from typing import TYPE_CHECKING, Self
 
-from orientd.fleet.keys import daemon_of
 from orientd.protocol import control_pb2 as pb
-from orientd.viewer import Member
+from orientd_fleet.cell import Member
+from orientd_fleet.keys import daemon_of
 
 if TYPE_CHECKING:
     import zenoh
 
-    from orientd.fleet.client import Fleet
+    from orientd_fleet.client import Fleet
 
 FIRST = 1.0
 """How long the first state of a daemon is waited for, s."""

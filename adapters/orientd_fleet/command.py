@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import shutil
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from orientd.cli.command import Host, Port, need_extra
+from orientd.cli.command import ConfigFile, Host, Port, Socket, need_extra
 from orientd.cli.commands.record import (
     OutFile,
     Scalars,
@@ -24,13 +26,17 @@ from orientd.cli.commands.view import PORT, Dark, NoOpen, serve_page
 from orientd.cli.output import Output, is_terminal, table
 from orientd.cli.parameters import Argument, Group, Option, part_of
 from orientd.errors import DaemonError, OrientdError
+from orientd.one_line import shown
 from orientd.protocol import STALE
 
 if TYPE_CHECKING:
-    from orientd.fleet import Fleet, Overview, Together
-    from orientd.viewer import Member
+    from orientd_fleet import Fleet, Overview, Together
+    from orientd_fleet.cell import Member
 
 fleet = Group(name="fleet", help="Monitor, stop and move several daemons as a cell.")
+
+_REFRESH = 0.2
+"""Interval between two tables on a terminal, s."""
 
 STOP_PRIORITY = 10
 """SCHED_FIFO priority, if permitted: a stop comes before other programs."""
@@ -65,7 +71,7 @@ class Cell:
 
     def connect(self) -> Fleet:
         """Connect to the cell."""
-        from orientd.fleet import connect_fleet
+        from orientd_fleet import connect_fleet
 
         return connect_fleet(
             self.endpoints or None,
@@ -74,6 +80,35 @@ class Cell:
             key=self.key,
             ca=self.ca,
         )
+
+
+@part_of(fleet)
+def serve(out: Output, config: ConfigFile = None, socket: Socket = None) -> None:
+    """Connect a daemon to its cell, until Ctrl-C or SIGTERM.
+
+    It is a program apart from the daemon, for the same user, and reads [fleet] of the daemon's
+    configuration.  Prints one line beginning "ready" once the cell is joined.  The daemon may start
+    later.  The log goes to standard error.  SIGHUP applies new roles and certificates.
+    """
+    from orientd.client import found_socket
+    from orientd.daemon import LogFormat, set_up_log
+    from orientd.servo import set_scheduling
+    from orientd_fleet.gateway import serve as serve_cell
+    from orientd_fleet.settings import read_settings
+
+    settings = read_settings(config)
+    set_up_log(LogFormat.AUTO, settings.daemon.log_level)
+    at = (socket or settings.daemon.socket or found_socket()).absolute()
+    cell, name = settings.fleet.cell, settings.fleet.name
+    # A stop must not wait for other programs; all threads inherit this.
+    set_scheduling(STOP_PRIORITY)
+
+    def ready() -> None:
+        content = {"ready": True, "cell": cell, "name": name, "socket": at}
+        out.answer(content, f"ready as {name} of cell {cell}, for the daemon at {at}")
+
+    with contextlib.suppress(KeyboardInterrupt):
+        serve_cell(lambda: read_settings(config), at, ready)
 
 
 @part_of(fleet)
@@ -86,20 +121,30 @@ def status(
 
     In a terminal the table is updated until Ctrl-C.
     """
-    from orientd.fleet import Overview
+    from orientd_fleet import Overview
 
     with at.connect() as client, Overview(client) as overview:
         if once or out.as_json or not is_terminal():
             found = {"daemons": [_figures(member) for member in overview.members()]}
             out.answer(found, *_table(overview))
             return
-        from rich.live import Live
-        from rich.text import Text
+        _show_live(overview)
 
-        with Live(auto_refresh=False) as live:
-            while True:
-                live.update(Text("\n".join(_table(overview))), refresh=True)
-                time.sleep(0.2)
+
+def _show_live(overview: Overview) -> None:
+    """Show the table until Ctrl-C, and write over it whenever it is shown again.
+
+    Only what fits is shown: the cursor could not go back to lines that have scrolled away.
+    """
+    above = 0
+    while True:
+        size = shutil.get_terminal_size()
+        lines = [shown(line)[: size.columns] for line in _table(overview)][: size.lines - 1]
+        back = f"\x1b[{above}A\r" if above else ""
+        text = "".join(f"{line}\x1b[K\n" for line in lines)
+        print(f"{back}{text}\x1b[J", end="", flush=True)  # noqa: T201
+        above = len(lines)
+        time.sleep(_REFRESH)
 
 
 def _figures(member: Member) -> dict[str, Any]:
@@ -146,8 +191,8 @@ def view(
     all devices.
     """
     need_extra("view")
-    from orientd.fleet import Overview
-    from orientd.viewer import CellView
+    from orientd_fleet import Overview
+    from orientd_fleet.cell_view import CellView
 
     with at.connect() as client, Overview(client) as overview:
         page = CellView(overview, host=host, port=port, is_dark=dark)
@@ -193,7 +238,7 @@ def move(
 
     Ctrl-C stops all of them on their paths.
     """
-    from orientd.fleet import move_together, read_plan
+    from orientd_fleet import move_together, read_plan
 
     motions, planned_in = read_plan(plan)
     if start_in is not None and not 0.0 < start_in <= 3600.0:
@@ -283,7 +328,7 @@ def router(
     import json
     import threading
 
-    from orientd.fleet import open_session, router_configuration
+    from orientd_fleet import open_session, router_configuration
 
     configuration = router_configuration(config)
     if show:
@@ -303,9 +348,9 @@ def demo(
 
     They run on this machine without hardware, and end after the motion.
     """
-    from orientd.cli.own_daemon import cell
-    from orientd.fleet import FleetMotion, Overview, connect_fleet, move_together
     from orientd.motion_file import parse
+    from orientd_fleet import FleetMotion, Overview, connect_fleet, move_together
+    from orientd_fleet.demo import cell
 
     with cell(daemons) as endpoint, connect_fleet(endpoint, cell="demo") as client:
         names = [f"arm-{number}" for number in range(1, daemons + 1)]

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from orientd.errors import DaemonError, OrientdError
-from orientd.fleet.clocks import Offset
 from orientd.recorder import DaemonRecorder, LiveRecording, RecordingError
+from orientd_fleet.clocks import Offset
 
 if TYPE_CHECKING:
-    from orientd.fleet.client import Fleet
     from orientd.recorder import RecordingWriter
+    from orientd_fleet.client import Fleet
 
 _POLL = 0.1
 _AGAIN = 1.0
@@ -59,7 +59,7 @@ class FleetRecording(LiveRecording):
     """
 
     def __init__(self, fleet: Fleet, path: Path, daemons: Sequence[str] = ()) -> None:
-        """Prepare to record daemons of *fleet*; see :meth:`orientd.fleet.Fleet.record`."""
+        """Prepare to record daemons of *fleet*; see :meth:`orientd_fleet.Fleet.record`."""
         super().__init__(path)
         self._fleet, self._daemons = fleet, daemons
         self._background = threading.Thread(target=self._run, name="orientd fleet record")

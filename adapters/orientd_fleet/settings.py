@@ -1,4 +1,4 @@
-"""The table that makes a daemon one of several: its cell, over Zenoh.
+"""The table of the daemon's configuration that makes it one of several: its cell, over Zenoh.
 
 .. code-block:: toml
 
@@ -15,12 +15,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from orientd import config
 from orientd.config.operation import Endpoint, is_host_and_port
 from orientd.config.table import Name, SomePath, Table, checked
+from orientd.errors import ConfigError
 
 UNIX = "unixsock-stream/"
 TLS = "tls/"
@@ -40,8 +43,9 @@ ZenohEndpoint = Annotated[str, checked(f"{TLS}HOST:PORT or {UNIX}/PATH", _zenoh_
 class FleetSettings(Table):
     """The table ``[fleet]``: reach this daemon, and have it found, over Zenoh.
 
-    Over TLS a caller is who their certificate says, with the role that ``[access.certificates]``
-    gives them.  A Unix socket is for the daemon's own user alone.
+    ``orientd fleet serve`` reads it.  Over TLS a caller is who their certificate says, with the
+    role that ``[access.certificates]`` gives them.  A Unix socket is for the daemon's own user
+    alone.
 
     Attributes:
         cell: name of the cell; a stop of the cell stops all daemons with this name.
@@ -56,7 +60,7 @@ class FleetSettings(Table):
             certificates of clients.
         address: ``HOST:PORT`` at which others reach the daemon's TLS port; by default
             ``tcp.listen``.
-        state_hz: rate at which the daemon publishes its state while a client listens, Hz.
+        state_hz: rate at which the gateway publishes the daemon's state while a client listens, Hz.
     """
 
     cell: Name
@@ -84,3 +88,25 @@ class FleetSettings(Table):
         if self.is_tls and any(endpoint.startswith(UNIX) for endpoint in endpoints):
             raise ValueError("listen: expected TLS everywhere, or Unix sockets everywhere")
         return self
+
+
+class MemberSettings(config.Settings):
+    """A daemon's configuration as its gateway reads it.
+
+    Attributes:
+        fleet: the table ``[fleet]``.
+    """
+
+    fleet: FleetSettings
+
+
+def read_settings(path: Path | None = None) -> MemberSettings:
+    """Return the settings in *path*, or in the file that the daemon uses if none is named.
+
+    Raises:
+        ConfigError: there is no such file, it has no table ``[fleet]``, or it is not well formed.
+    """
+    path = path or config.find()
+    if path is None:
+        raise ConfigError("there is no configuration: name one with a table [fleet] (--config)")
+    return config.parse_as(MemberSettings, config.read_table(path), source=str(path))
