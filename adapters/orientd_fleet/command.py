@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from orientd.cli.command import ConfigFile, Host, Port, Socket, need_extra
+from orientd.cli.command import Host, Port, Socket, need_extra
 from orientd.cli.commands.record import (
     OutFile,
     Scalars,
@@ -83,7 +83,19 @@ class Cell:
 
 
 @part_of(fleet)
-def serve(out: Output, config: ConfigFile = None, socket: Socket = None) -> None:
+def serve(
+    out: Output,
+    config: Annotated[
+        Path | None,
+        Option(
+            "--config",
+            "-c",
+            help="The daemon's configuration; default: $ORIENTD_CONFIG, or "
+            "~/.config/orientd/orientd.toml.",
+        ),
+    ] = None,
+    socket: Socket = None,
+) -> None:
     """Connect a daemon to its cell, until Ctrl-C or SIGTERM.
 
     It is a program apart from the daemon, for the same user, and reads [fleet] of the daemon's

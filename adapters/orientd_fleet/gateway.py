@@ -41,7 +41,7 @@ ANSWER = 1.0
 """How long the daemon may take to report its state, s."""
 
 _AGAIN = 1.0
-"""Time after which the state is asked for again if the daemon did not report it, s."""
+"""Time after which something that has failed is tried again, s."""
 
 _LOOK = 0.1
 """Interval between two looks for a daemon that is not there, s."""
@@ -81,7 +81,9 @@ class Gateway:
         self._closed, self._is_closing = sockets.socketpair()
         self._listener = self._state.declare_matching_listener(self._note_watchers)
         self._threads = [
-            threading.Thread(target=work, name=f"orientd fleet {name}", daemon=True)
+            threading.Thread(
+                target=self._keep, args=(name, work), name=f"orientd fleet {name}", daemon=True
+            )
             for name, work in (("presence", self._keep_presence), ("state", self._publish))
         ]
         for thread in self._threads:
@@ -105,6 +107,15 @@ class Gateway:
 
     def _key(self, what: str, name: str = "") -> str:
         return key_of(self._cell, self._name, what, name)
+
+    def _keep(self, name: str, work: Callable[[], None]) -> None:
+        """Do the work of a thread until the gateway closes, again after an unexpected error."""
+        while not self._closing.is_set():
+            try:
+                work()
+            except Exception:  # noqa: BLE001 - a defect must not end the presence for good
+                _log.exception("fleet: the %s fails, and is tried again", name)
+                self._closing.wait(_AGAIN)
 
     # Presence
 
@@ -241,11 +252,13 @@ def serve(read: Callable[[], MemberSettings], socket: Path, on_ready: Callable[[
     settings, has_joined, pause = read(), False, _FIRST_PAUSE
     while True:
         try:
+            # Zenoh reads the files when it joins: they may have changed since.
+            joined_with = _fingerprint(settings, socket)
             with Gateway(settings, socket):
                 if not has_joined:
                     on_ready()
                 has_joined, pause = True, _FIRST_PAUSE
-                settings = _await_change(read, settings, socket, asked)
+                settings = _await_change(read, socket, joined_with, asked)
         except OrientdError as error:
             if not has_joined:
                 raise
@@ -258,12 +271,11 @@ def serve(read: Callable[[], MemberSettings], socket: Path, on_ready: Callable[[
 
 def _await_change(
     read: Callable[[], MemberSettings],
-    settings: MemberSettings,
     socket: Path,
+    before: tuple[Any, ...],
     asked: queue.SimpleQueue[None],
 ) -> MemberSettings:
-    """Wait until a reload finds other settings or files; return the settings."""
-    before = _fingerprint(settings, socket)
+    """Wait until a reload finds other settings or files than *before*; return the settings."""
     while True:
         asked.get()
         try:

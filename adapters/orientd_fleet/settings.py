@@ -43,7 +43,7 @@ ZenohEndpoint = Annotated[str, checked(f"{TLS}HOST:PORT or {UNIX}/PATH", _zenoh_
 class FleetSettings(Table):
     """The table ``[fleet]``: reach this daemon, and have it found, over Zenoh.
 
-    ``orientd fleet serve`` reads it.  Over TLS a caller is who their certificate says, with the
+    ``orientd fleet serve`` reads this table.  Over TLS a caller is who their certificate says, with the
     role that ``[access.certificates]`` gives them.  A Unix socket is for the daemon's own user
     alone.
 

@@ -1,7 +1,13 @@
 """Targets and commands reach a daemon of a cell by its name."""
 
+import fcntl
 import json
+import os
+import signal
+import struct
 import subprocess
+import sys
+import termios
 
 import numpy as np
 import pytest
@@ -73,6 +79,29 @@ def test_whoever_follows_stops_when_the_caller_has_gone(cell, fleet):
     with fleet.robot("arm-1") as robot:
         until(lambda: cycle(robot).state == pb.STATE_HOLDING, "it holds")
         until(lambda: not robot.state().daemon.leases, "the lease runs out")
+
+
+def test_the_table_on_a_terminal_is_written_over_and_fits(cell):
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 40, 0, 0))
+    command = [sys.executable, "-m", "orientd", "fleet", "status"]
+    variables = environment(ORIENTD_FLEET=cell.endpoint, ORIENTD_CELL=CELL)
+    with (
+        os.fdopen(ours, "rb", buffering=0) as terminal,
+        subprocess.Popen(command, stdout=theirs, stderr=theirs, env=variables) as process,
+    ):
+        os.close(theirs)
+        shown = b""
+        while shown.count(b"\x1b[2A") < 3:  # from below the two lines to the first one
+            shown += terminal.read(4096)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 130
+    _, first, *_ = shown.decode().split("\x1b[2A\r")
+    header, arm, end = first.split("\x1b[K\r\n")
+    assert header.startswith("daemon  device  state")
+    assert arm.startswith("arm-1   arm     holding")
+    assert max(len(header), len(arm)) <= 40
+    assert end == "\x1b[J"
 
 
 def test_the_command_follows_at_the_address_of_a_fleet(cell):

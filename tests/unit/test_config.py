@@ -154,6 +154,13 @@ def test_a_package_takes_no_table_of_the_core_and_no_unknown_one(foreign):
         config.parse({"devices": devices, "lab": {}, "labs": {}}, source="x")
 
 
+def test_a_table_that_has_moved_says_what_reads_it_if_that_is_not_installed(monkeypatch):
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: [])
+    table = {"devices": {"arm": {"driver": "loopback"}}, "fleet": {}}
+    with pytest.raises(ConfigError, match=r"^x: fleet: `orientd fleet serve` reads this table"):
+        config.parse(table, source="x")
+
+
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"cannot read .*absent\.toml: No such file"):
         config.load(tmp_path / "absent.toml")
