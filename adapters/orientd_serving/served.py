@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import threading
-import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol, Self, TypeVar, Unpack
 
@@ -70,11 +69,6 @@ class Served:
         self.robot, self.name = robot, device
         self.lock = threading.RLock()
         self._is_closed = False
-        self._clock = 0.0
-        if robot.local_socket is None:
-            # The daemon's machine has another monotonic clock; the times of day agree.
-            offset = 1e-9 * robot.observe().configuration().offset_ns
-            self._clock = time.time() - time.monotonic() - offset
         self._tracking: Playing | None = None
         self._moving: MoveHandle | None = None
 
@@ -140,7 +134,7 @@ class Served:
         Raises:
             OrientdError: the daemon refuses it.
         """
-        self.track().chunk(poses, rate=1.0 / step, start=start + self._clock)
+        self.track().chunk(poses, rate=1.0 / step, start=start)
 
     def move(self, keyframes: Iterable[object], **fields: Unpack[RequestFields]) -> MoveHandle:
         """Begin a motion, in place of a running one or once the device has stopped following.

@@ -12,11 +12,16 @@ from google.protobuf.message import DecodeError
 from google.rpc import status_pb2
 
 from orientd.client.channel import Way
+from orientd.client.daemon_clock import DaemonClock, Reading
 from orientd.client.stop_call import refusal
 from orientd.errors import AccessError, DaemonError, MessageSizeError, OrientdError
 from orientd.protocol import DETAILS_KEY, control_stub, from_status
+from orientd.protocol import control_pb2 as pb
 
 Answer = TypeVar("Answer")
+
+_CLOCK_TIMEOUT = 5.0
+"""How long the daemon may take to tell its clock, s."""
 
 
 class UnreachableError(DaemonError):
@@ -43,6 +48,7 @@ class Connection:
     Attributes:
         way: endpoint of the daemon.
         stub: of the control service.
+        clock: the daemon's clock.
     """
 
     def __init__(self, way: Way, *, timeout: float) -> None:
@@ -60,6 +66,7 @@ class Connection:
         self._channel = way.open()
         self._is_closed = False
         self.stub: Any = control_stub(self._channel)
+        self.clock = DaemonClock(self._read_clock, is_local=not way.address)
 
     def close(self) -> None:
         """Close the channel, which ends every call."""
@@ -73,6 +80,14 @@ class Connection:
             OrientdError: the daemon's error, or no daemon answers.
         """
         return self.call(method, request, timeout=self._timeout)
+
+    def _read_clock(self) -> Reading:
+        answer: Any = self.call(self.stub.GetState, pb.GetStateRequest(), timeout=_CLOCK_TIMEOUT)
+        if not answer.monotonic_ns:
+            raise DaemonError(
+                f"the daemon at {self.way} is of another version: it does not tell its clock"
+            )
+        return Reading(answer.monotonic_ns, answer.clock)
 
     def call(
         self,

@@ -25,6 +25,7 @@ from orientd.protocol import CellReport
 from orientd.protocol import control_pb2 as pb
 
 if TYPE_CHECKING:
+    from orientd.client.daemon_clock import Offset
     from orientd.client.endless_turn import EndlessTurn
     from orientd.client.motion_request import RequestFields
     from orientd.client.move_handle import MoveHandle
@@ -104,6 +105,8 @@ def connect(
     robot = Robot(way, holder=holder, beside=beside, timeout=timeout)
     try:
         robot.state()
+        if way.address:
+            _ = robot.clock_offset
     except OrientdError:
         robot.close()
         raise
@@ -159,6 +162,20 @@ class Robot:
         """Return the current state of the daemon and its devices."""
         answer = self._connection.ask(self._stub.GetState, pb.GetStateRequest())
         return CellReport(answer.daemon, {device.name: device for device in answer.devices})
+
+    @property
+    def clock_offset(self) -> Offset:
+        """How far the daemon's monotonic clock is ahead of this process's, with its bound.
+
+        It is exactly 0 on the daemon's own machine.  Otherwise :func:`connect` measures it, and a
+        session measures it again every minute.  Sessions of targets and chunks convert the stamps
+        that you give, which are of :func:`time.monotonic` here.  Reports and cycles have stamps of
+        the daemon.
+
+        Raises:
+            OrientdError: the daemon does not answer.
+        """
+        return self._connection.clock.offset()
 
     def watch(
         self, device: str = "", *, rate_hz: float = 20.0, decimation: int = 1

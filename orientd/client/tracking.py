@@ -16,7 +16,7 @@ from orientd.client.clutch import Anchor, Clutch
 from orientd.client.connection import Connection
 from orientd.client.pointing import Pointing
 from orientd.client.target_messages import Frame, target_message
-from orientd.errors import OrientdError
+from orientd.errors import DaemonError, OrientdError
 from orientd.protocol import control_pb2 as pb
 
 if TYPE_CHECKING:
@@ -78,9 +78,10 @@ class Tracking(Pointing):
             OrientdError: it was refused.
         """
         super().__init__(connection, begin.device)
+        self._offset_ns = connection.clock.offset().ns
         self._outgoing: queue.SimpleQueue[pb.TrackRequest | None] = queue.SimpleQueue()
         self._outgoing.put(pb.TrackRequest(start=begin))
-        self._skipped = 0
+        self._replaced = 0
         messages = paced(self._outgoing, self._skip)
         self._stream = connection.call(connection.stub.Track, messages)
         self._error: OrientdError | None = None
@@ -131,8 +132,8 @@ class Tracking(Pointing):
             angular_velocity: of the target, rad/s; zero if it stands still, ``None`` to derive it
                 from earlier targets.
             velocity_frame: the frame of that velocity.
-            time_ns: time of the target, on the monotonic clock of the daemon's machine
-                (:func:`time.monotonic_ns`); 0 for the arrival of the message.
+            time_ns: time of the target, :func:`time.monotonic_ns` of this machine; 0 for the
+                arrival of the message.
             time_to_live: how long after that it counts, s; 0 for half a second.
             position: of the target, m; ``None`` for a position that comes to rest.
 
@@ -177,6 +178,8 @@ class Tracking(Pointing):
     def hand_over(self, message: pb.TrackTarget) -> None:
         """Send a target made by :func:`target_message`; returns at once.
 
+        Its time is of this machine.
+
         Raises:
             OrientdError: tracking has ended.
         """
@@ -185,12 +188,27 @@ class Tracking(Pointing):
     def send(self, request: pb.TrackRequest) -> None:
         """Send a message of the call; returns at once.
 
+        Times in it are of this machine.
+
         Raises:
             OrientdError: tracking has ended.
         """
         self.raise_if_ended()
         self._anchor.lose()
-        self._outgoing.put(request)
+        self._outgoing.put(self._stamped(request))
+
+    def _stamped(self, request: pb.TrackRequest) -> pb.TrackRequest:
+        """Return a message with its times converted to the daemon's clock."""
+        offset_ns = self._offset_ns
+        if not offset_ns:
+            return request
+        stamped = pb.TrackRequest()
+        stamped.CopyFrom(request)
+        if stamped.target.time_ns:
+            stamped.target.time_ns += offset_ns
+        if stamped.chunk.times_ns:
+            stamped.chunk.times_ns[:] = [time_ns + offset_ns for time_ns in request.chunk.times_ns]
+        return stamped
 
     def raise_if_ended(self) -> None:
         """Raise the error that has ended tracking, if it has ended.
@@ -207,26 +225,33 @@ class Tracking(Pointing):
         """Send no more targets, and wait until the device has come to rest.
 
         Raises:
+            DaemonError: the daemon did not report the rest in time.
             OrientdError: another error had ended it.
         """
         self._outgoing.put(None)
         if not self._ended.wait(timeout):
             self._stream.cancel()
+            self._ended.wait()
+            self._error = DaemonError(
+                f"the daemon did not report that the device rests within {timeout:g} s; "
+                "look at `orientd status`, and stop the device with `orientd stop`"
+            )
         self._reader.join()
         # An error at the end of a block must not hide the original one.
         if self._error is not None and sys.exc_info()[0] is None:
             raise self._error
 
     def _skip(self) -> None:
-        self._skipped += 1
+        self._replaced += 1
 
     def _read(self) -> None:
         try:
             for message in self._stream:
-                message.targets += self._skipped
-                message.left_out += self._skipped
+                message.targets += self._replaced
+                message.left_out += self._replaced
                 self._report = message
                 self._anchor.note(message)
+                self._offset_ns = self._connection.clock.offset().ns
         except grpc.RpcError as error:
             lost = "lost the daemon; the device comes to rest"
             self._error = self._connection.explain(error, lost=lost)

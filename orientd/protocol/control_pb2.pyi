@@ -683,12 +683,16 @@ class GetStateRequest(_message.Message):
     def __init__(self, device: _Optional[str] = ...) -> None: ...
 
 class GetStateResponse(_message.Message):
-    __slots__ = ("daemon", "devices")
+    __slots__ = ("daemon", "devices", "monotonic_ns", "clock")
     DAEMON_FIELD_NUMBER: _ClassVar[int]
     DEVICES_FIELD_NUMBER: _ClassVar[int]
+    MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_FIELD_NUMBER: _ClassVar[int]
     daemon: DaemonReport
     devices: _containers.RepeatedCompositeFieldContainer[DeviceReport]
-    def __init__(self, daemon: _Optional[_Union[DaemonReport, _Mapping]] = ..., devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
+    monotonic_ns: int
+    clock: str
+    def __init__(self, daemon: _Optional[_Union[DaemonReport, _Mapping]] = ..., devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ..., monotonic_ns: _Optional[int] = ..., clock: _Optional[str] = ...) -> None: ...
 
 class WatchStateRequest(_message.Message):
     __slots__ = ("device", "rate_hz", "decimation", "as_records", "with_outline")

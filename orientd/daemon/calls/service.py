@@ -21,6 +21,7 @@ from google.protobuf import message_factory
 from grpclib.const import Cardinality
 
 import orientd
+from orientd.clock import clock_name
 from orientd.daemon.access import Caller, Method
 from orientd.daemon.calls import report
 from orientd.daemon.calls.following import Following, read_targets
@@ -84,6 +85,7 @@ class Service:
         self.keyframes = keyframes
         self._devices, self._leases = devices, devices.leases
         self._socket, self._configuration, self._began = socket, configuration, began
+        self._clock = clock_name()
         self._closing = asyncio.Event()
         self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
@@ -137,7 +139,9 @@ class Service:
 
     async def _state_of(self, devices: Iterable[Device]) -> pb.GetStateResponse:
         reports = [await _with_reason(device) for device in devices]
-        return pb.GetStateResponse(daemon=self.daemon_report(), devices=reports)
+        answer = pb.GetStateResponse(daemon=self.daemon_report(), devices=reports)
+        answer.monotonic_ns, answer.clock = time.monotonic_ns(), self._clock
+        return answer
 
     async def WatchState(
         self, request: pb.WatchStateRequest, caller: Caller
