@@ -51,6 +51,9 @@ _MOST_COUNTED = 2**63
 AHEAD_NS = 500_000_000
 """How long before its first pose a chunk is taken; until then the poses before it count."""
 
+MOST_WAITING = 16
+"""Chunks that wait for their time; one more replaces the last of them."""
+
 LEFT_OUT_WORD = 1
 """Word of the ring of targets: number of skipped targets."""
 
@@ -97,7 +100,7 @@ class TargetFollower:
         self._guard = guard
         self.foresight: Foresight | None = None
         self._next, self._next_chunk = ring.head, chunks.head
-        self._waiting: Chunk | None = None
+        self._waiting: list[Chunk] = []
         self._left_out = 0
         self._taken_ns = 0
         self._period_ns = round(guard.period * 1e9)
@@ -120,14 +123,14 @@ class TargetFollower:
         self._linear = linear_limits_of(servo_limits, h)
         self._soft_linear = softened(self._linear, 0.0)
         self._next, self._next_chunk = self._ring.head, self._chunks.head
-        self._waiting = None
+        self._waiting.clear()
         clear_report(self._chunks)
         self.is_on, self.hindrance = True, ""
 
     def cease(self) -> None:
         """Forget every target, and come to rest."""
         self.tracker.cease()
-        self._waiting = None
+        self._waiting.clear()
         self.hindrance = ""
 
     def rest(self) -> None:
@@ -265,7 +268,7 @@ class TargetFollower:
         return kept
 
     def _take_chunks(self, now_ns: int) -> None:
-        """Take one arrived chunk a cycle; one whose poses are far ahead waits for its time."""
+        """Take one arrived chunk a cycle; those whose poses are far ahead wait for their time."""
         ring = self._chunks
         if self._next_chunk < ring.head:
             self._next_chunk = ring.oldest(self._next_chunk)
@@ -273,14 +276,25 @@ class TargetFollower:
             if fields is None:
                 return  # still being written, or just overwritten
             self._next_chunk += 1
-            self._waiting = read_chunk(fields) or self._waiting
+            chunk = read_chunk(fields)
+            if chunk is not None:
+                self._line_up(chunk, now_ns)
         self._take_chunk(now_ns)
 
-    def _take_chunk(self, now_ns: int) -> None:
-        chunk, guard = self._waiting, self._guard
-        if chunk is None or chunk.knots[0].time_ns > now_ns + AHEAD_NS:
+    def _line_up(self, chunk: Chunk, now_ns: int) -> None:
+        """Have a chunk wait, in place of those that begin no sooner."""
+        waiting, first_ns = self._waiting, chunk.knots[0].time_ns
+        if chunk.knots[-1].time_ns <= now_ns:
+            waiting.insert(0, chunk)  # It has passed, so it replaces none.
             return
-        self._waiting = None
+        waiting[:] = [one for one in waiting if one.knots[0].time_ns < first_ns]
+        waiting[MOST_WAITING - 1 :] = [chunk]
+
+    def _take_chunk(self, now_ns: int) -> None:
+        waiting, guard = self._waiting, self._guard
+        if not waiting or waiting[0].knots[0].time_ns > now_ns + AHEAD_NS:
+            return
+        chunk = waiting.pop(0)
         moving = guard.position, guard.velocity, guard.acceleration
         self.tracker.take_chunk(chunk.knots, now_ns, moving, has_positions=chunk.has_positions)
         write_report(self._chunks, self.tracker.preview)

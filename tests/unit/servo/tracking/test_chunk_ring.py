@@ -125,6 +125,35 @@ def test_a_chunk_far_ahead_waits_for_its_time():
     assert norm(difference(rig.driver.setpoints[-1].q, exp((0.0, 0.0, 0.3)))) < 1e-6
 
 
+def test_chunks_that_are_sent_at_once_one_behind_another_are_all_played():
+    rig = playing()
+    begin_ns = rig.clock.now_ns() + 2 * NS
+    for k in range(8):
+        chunk(rig, begin_ns + k * NS, count=30)
+    late = [Sample(rig.clock.now_ns() - NS, swing(0.0)[0], None, None)]
+    rig.run(10)
+    publish_chunk(rig.memory.chunks, late)
+    rig.run(2500)
+    apart = 0.0
+    for _ in range(2000):
+        rig.run()
+        last = rig.driver.setpoints[-1]
+        apart = max(apart, norm(difference(swing(last.time_ns / NS - 1.0)[0], last.q)))
+    assert apart < 1e-4
+
+
+def test_a_chunk_replaces_waiting_ones_that_begin_later():
+    rig = playing()
+    now_ns = rig.clock.now_ns()
+    chunk(rig, now_ns + 5 * NS, motion=lambda _: (exp((0.3, 0.0, 0.0)), ZERO))
+    rig.run(2)
+    chunk(rig, now_ns + NS)
+    rig.run(2)
+    rig.run(4500)
+    rest = swing((now_ns + NS + round(19 / 30 * NS)) / NS - 1.0)[0]
+    assert norm(difference(rig.driver.setpoints[-1].q, rest)) < 1e-6
+
+
 def test_a_stop_ends_it_within_the_limits():
     rig = playing()
     chunk(rig, rig.clock.now_ns(), count=60)
