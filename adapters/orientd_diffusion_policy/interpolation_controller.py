@@ -33,6 +33,9 @@ Floats = NDArray[np.float64]
 CONTEXT = 4
 """Past waypoints that still shape the curve through the next ones."""
 
+LONGEST_AWAY = 60.0
+"""How far from now the time of a waypoint may be, s."""
+
 WATCH_HZ = 100.0
 """Batches of states a second that the daemon sends."""
 
@@ -177,7 +180,8 @@ class RTDEInterpolationController:
         """Go to *pose*, shape ``(6,)``, within *duration* seconds, and drop later waypoints.
 
         Raises:
-            ValueError: the pose has another shape, or the duration is not positive.
+            ValueError: the pose has another shape or is not finite, or the duration is not positive
+                or too long.
             OrientdError: the device no longer follows.
         """
         if not duration > 0.0:
@@ -190,10 +194,18 @@ class RTDEInterpolationController:
         """Schedule *pose*, shape ``(6,)``, for *target_time*; later waypoints are dropped.
 
         Raises:
-            ValueError: the pose has another shape, or there are too many waypoints.
+            ValueError: the pose has another shape or is not finite, the time is of another clock or
+                too far ahead, or there are too many waypoints.
             OrientdError: the device no longer follows.
         """
-        self._schedule(pose, target_time - time.time() + time.monotonic())
+        ahead = target_time - time.time()
+        if not abs(ahead) <= LONGEST_AWAY:
+            raise RequestError(
+                "target_time",
+                f"expected at most {LONGEST_AWAY:g} s from now by time.time(), "
+                f"got {target_time!r}, now {time.time():.10g}; give time.time() plus a delay",
+            )
+        self._schedule(pose, ahead + time.monotonic())
 
     def _schedule(self, pose: ArrayLike, when: float) -> None:
         play = self._play
@@ -202,13 +214,14 @@ class RTDEInterpolationController:
         row = np.asarray(pose, dtype=np.float64)
         if row.shape != (6,):
             raise ValueError(f"expected a pose of shape (6,), got {row.shape}")
+        if not np.isfinite(row).all():
+            raise RequestError("pose", f"expected finite numbers, got {row.tolist()}; leave it out")
         now = time.monotonic()
         passed = [one for one in self._waypoints if one[0] <= now]
         waiting = [one for one in self._waypoints if now < one[0] < when]
         waypoints = [*passed[-CONTEXT:], *waiting, (when, row)]
         if len(waypoints) > CHUNK_POSES:
             raise ValueError(f"at most {CHUNK_POSES - CONTEXT} waypoints may be ahead")
-        self._waypoints = waypoints
         rows = np.array([row for _, row in waypoints])
         quaternions = Quaternion.from_array(rotation.exp(rows[:, 3:]), order="wxyz")
         play.chunk(
@@ -216,6 +229,7 @@ class RTDEInterpolationController:
             times=[when for when, _ in waypoints],
             positions=rows[:, :3],
         )
+        self._waypoints = waypoints
 
     # States
 

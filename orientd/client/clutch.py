@@ -11,7 +11,13 @@ import threading
 import time
 from typing import TYPE_CHECKING, Self
 
-from orientd.client.target_messages import Frame, is_in_world, orientation_of, vector_of
+from orientd.client.target_messages import (
+    Frame,
+    check_life,
+    is_in_world,
+    orientation_of,
+    vector_of,
+)
 from orientd.driver import ZERO, Vector3
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError
@@ -26,7 +32,7 @@ from orientd.floats import (
     rotate_back,
 )
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_quaternion, to_vector
+from orientd.protocol import pose_problem, to_quaternion, to_vector
 from orientd.rotation import Quaternion
 
 if TYPE_CHECKING:
@@ -52,7 +58,9 @@ class Anchor:
     Attributes:
         newest: pose of the newest report.
         owner: the clutch that sent the newest target; ``None`` if that came from elsewhere.
-        is_moving: whether the device moves, or may not have got the newest target yet.
+        is_moving: whether the device moves, or may not have got the newest target yet, or that
+            target still counts.
+        rests: whether the device does not move, and has had time to get the newest target.
     """
 
     def __init__(self, report: pb.TrackResponse) -> None:
@@ -61,8 +69,8 @@ class Anchor:
         self.newest = _pose_of(report)
         self.owner: Clutch | None = None
         self._held = self.newest
-        self._until = -math.inf
-        self.is_moving = True
+        self._until = self._noted = -math.inf
+        self.is_moving, self.rests = True, False
         self.note(report)
 
     def note(self, report: pb.TrackResponse) -> None:
@@ -72,19 +80,27 @@ class Anchor:
         is_shifting = math.dist(self.newest[1], before[1]) > _STILL
         with self._lock:
             # A report from before the end of the newest target does not count.
-            self.is_moving = is_turning or is_shifting or time.monotonic() < self._until
+            now, is_moving = time.monotonic(), is_turning or is_shifting
+            self.is_moving = is_moving or now < self._until
+            self.rests = not is_moving and now >= self._noted + _BRIEF
 
     def hold(self, owner: Clutch, pose: Pose, time_to_live: float) -> None:
         """Note a target of a clutch, and how long it counts, s."""
         with self._lock:
             self.owner, self._held = owner, pose
-            self._until, self.is_moving = time.monotonic() + time_to_live, True
+            self._expect(time_to_live)
 
     def lose(self) -> None:
         """Note a target or a chunk that no clutch has sent."""
         with self._lock:
             self.owner = None
-            self._until, self.is_moving = time.monotonic() + _BRIEF, True
+            self._expect(_BRIEF)
+
+    def _expect(self, time_to_live: float) -> None:
+        """Note that a target has been sent, which counts for some seconds."""
+        self._noted = time.monotonic()
+        self._until = self._noted + time_to_live
+        self.is_moving, self.rests = True, False
 
     @property
     def is_held(self) -> bool:
@@ -110,6 +126,7 @@ class Clutch:
     Attributes:
         q: target orientation, ``(w, x, y, z)``.
         position: target position, m.
+        skipped: number of skipped poses of the hand.
     """
 
     def __init__(
@@ -126,13 +143,16 @@ class Clutch:
         Raises:
             RequestError: a setting is out of range.
         """
-        if not 0.0 < scale < math.inf:
-            raise RequestError("scale", f"expected more than 0, got {scale!r}")
+        if not isinstance(scale, int | float) or not 0.0 < scale < math.inf:
+            raise RequestError("scale", f"expected a number above 0, got {scale!r}")
+        check_life("time_to_live", time_to_live)
+        self.skipped = 0
         self.q, self.position = anchor.newest
         self._tracking, self._anchor = tracking, anchor
         self._scale, self._is_world = scale, is_in_world(frame, "frame")
         self._time_to_live = time_to_live
         self._hand: tuple[Orientation, Vector3 | None] | None = None
+        self._has_position: bool | None = None
         self._has_braked = False
 
     def __enter__(self) -> Self:
@@ -147,8 +167,9 @@ class Clutch:
         return self._anchor.owner is self and self._anchor.is_held
 
     def move(self, hand: object, *, position: ArrayLike | None = None) -> None:
-        """Follow the hand; return at once.  A pose that is not finite is skipped.
+        """Follow the hand; return at once.
 
+        The clutch skips and counts a pose that is not finite, not of unit norm or out of range.
         If no pose has come for the time to live, the next one engages again, and moves nothing.
 
         Args:
@@ -156,13 +177,18 @@ class Clutch:
             position: of the hand, shape ``(3,)``, m; in every call or in none.
 
         Raises:
-            RequestError: the pose is not well formed.
+            RequestError: the pose is not well formed, or has a position where others had none.
             OrientdError: tracking has ended.
         """
         q = orientation_of(hand, "hand")
         place = None if position is None else vector_of(position, "position")
-        if not all(map(math.isfinite, (*q, *(place or ())))):
+        if pose_problem(q, None, place):
+            self.skipped += 1
             return
+        if self._has_position not in (None, place is not None):
+            came = "none" if place is None else f"{place} after none"
+            raise RequestError("position", f"expected in every call or in none, got {came}")
+        self._has_position = place is not None
         start, before = self._anchor.pose(), self._hand if self.holds else None
         if start is None:
             self._brake()

@@ -6,18 +6,22 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, SupportsFloat, TypeGuard
 
 import numpy as np
 
 from orientd.client.smoothing import smoothed_orientations, smoothed_positions
-from orientd.client.target_messages import Frame, is_in_world, orientation_of
+from orientd.client.target_messages import CLOCK, Frame, is_in_world, orientation_of
 from orientd.client.tracking import Tracking
+from orientd.driver import IDENTITY, Vector3
 from orientd.driver import Quaternion as Orientation
-from orientd.errors import RequestError
+from orientd.errors import RequestError, StateError
+from orientd.floats import difference, norm
 from orientd.model import to_plain
+from orientd.protocol import check_chunk_times, pose_problem, to_quaternion
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import Quaternion, is_rotation
+from orientd.stream import CHUNK_POSES
 from orientd.tolerances import NORM_TOLERANCE
 
 if TYPE_CHECKING:
@@ -25,6 +29,12 @@ if TYPE_CHECKING:
 
 _NONE: Orientation = (math.nan, math.nan, math.nan, math.nan)
 """A pose that the daemon skips and counts."""
+
+MOST_RATE_HZ = 2000.0
+"""Largest rate of the poses of a chunk: nearer ones are of one instant."""
+
+LONGEST_SETTLING = 30.0
+"""How long after the last pose is due a block waits for the device to rest there, s."""
 
 _LOOK = 0.01
 """Seconds from one look at the newest report to the next."""
@@ -39,6 +49,9 @@ class PlayTiming:
         live: poses of the newest one that were still in the future when the servo received it.
         stale: poses of all chunks that were in the past by then.
         skipped: poses that were not finite, not of unit norm, or out of reach.
+        refused: chunks and targets that the daemon refused.
+        refusal: why the last of them was refused, a pose skipped, or a chunk too late; empty for
+            none.
         starved: chunks that came after the poses had run out.
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
         behind: angle from the newest setpoint to the poses, rad, because of the limits.
@@ -53,6 +66,8 @@ class PlayTiming:
     live: int
     stale: int
     skipped: int
+    refused: int
+    refusal: str
     starved: int
     largest_seam: float
     behind: float
@@ -66,10 +81,12 @@ class Playing(Tracking):
     """Play chunks of poses on a device.
 
     A context manager: at its end it waits until the device has played the poses, except after an
-    exception.
+    exception.  If the device does not rest within :data:`LONGEST_SETTLING` after the last pose is
+    due, it is brought to rest where it is, and the block raises :class:`.StateError`.
     """
 
     _last_ns = 0
+    _last_q = IDENTITY
     _inference = -math.inf
     _sent = 0
 
@@ -89,15 +106,17 @@ class Playing(Tracking):
         """Send a chunk of poses, and return at once.
 
         It replaces all poses at and after the first of its own that is still in the future.  The
-        daemon skips late poses, and poses that are not finite or not of unit norm.
+        daemon skips and counts late poses, and poses that are not finite, not of unit norm, or out
+        of range or reach; see :meth:`timing`.  An event of the device tells the first of them.
 
         Args:
             poses: 1 to 64 orientations, each in a form that :meth:`.Robot.move` takes, or a
                 ``Rotation`` of SciPy with as many rotations.  A mapping may have a ``position``.
-            rate: poses a second.
-            start: when the first pose is due, s, on the clock of :func:`time.monotonic` of the
-                daemon's machine; ``None`` for one period of *rate* from now.
-            times: when each pose is due, s, on that clock; in place of *rate* and *start*.
+            rate: poses a second, at most 2000.
+            start: when the first pose is due, s, by :func:`time.monotonic` of this machine;
+                ``None`` for one period of *rate* from now.
+            times: when each pose is due, s, by that clock; in place of *rate* and *start*.  The
+                first one that is not late is at most 10 s ahead, the last one 60 s.
             positions: position of each pose, shape ``(n, 3)``, m; ``None`` for those of the
                 mappings, or for a position that comes to rest.
             angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` to derive them from
@@ -107,12 +126,18 @@ class Playing(Tracking):
             position_tolerance: how far each position may be moved for that, m.
 
         Raises:
-            RequestError: the chunk is not well formed.
+            RequestError: the chunk is not well formed, its times are of another clock or too far
+                ahead, or none of its poses is one.
             OrientdError: the device no longer plays.
         """
         is_world = is_in_world(velocity_frame)
         orientations, places = _poses(poses)
-        stamps = _stamps(len(orientations), rate, start, times)
+        count = len(orientations)
+        if not 1 <= count <= CHUNK_POSES:
+            more = "; send them as several chunks, one behind another" if count else ""
+            problem = f"expected 1 to {CHUNK_POSES} poses, got {count}{more}"
+            raise RequestError("poses", problem)
+        stamps = _stamps(count, rate, start, times)
         if positions is not None:
             if places:
                 raise RequestError("positions", "given twice, in the poses too")
@@ -129,13 +154,15 @@ class Playing(Tracking):
         message = pb.TrackChunk(times_ns=stamps)
         message.orientations.extend(number for q in orientations for number in q)
         message.positions.extend(number for place in places for number in place)
+        rows = []
         if angular_velocities is not None:
             rows = _rows("angular_velocities", angular_velocities, len(orientations))
             message.angular_velocities.extend(number for row in rows for number in row)
             message.velocity_frame = pb.FRAME_WORLD if is_world else pb.FRAME_BODY
+        _check_poses(orientations, rows, places)
         self.send(pb.TrackRequest(chunk=message))
         self._sent += 1
-        self._last_ns = max(stamps)
+        self._last_ns, self._last_q = max(zip(stamps, orientations, strict=True))
         self._inference = max(self._inference, 1e-9 * (time.monotonic_ns() - min(stamps)))
 
     def timing(self) -> PlayTiming:
@@ -148,6 +175,8 @@ class Playing(Tracking):
             live=found.live,
             stale=found.stale,
             skipped=found.skipped,
+            refused=self.report.refused,
+            refusal=self.report.refusal,
             starved=found.starved,
             largest_seam=found.largest_seam,
             behind=found.behind,
@@ -178,13 +207,22 @@ class Playing(Tracking):
         report = self.report
         if not self._sent:
             return True
-        is_taken = report.chunks.chunks + report.refused >= self._sent
-        return is_taken and report.time_ns > self._last_ns and not self._anchor.is_moving
+        if report.chunks.chunks + report.refused < self._sent:
+            return False
+        is_due = report.time_ns - self._offset_ns > self._last_ns or not report.chunks.chunks
+        return is_due and self._anchor.rests
 
     def __exit__(self, *of: object) -> None:
         try:
             if of[0] is None:
-                self.wait()
+                left = 1e-9 * (self._last_ns - time.monotonic_ns())
+                if not self.wait(max(left, 0.0) + LONGEST_SETTLING):
+                    away = norm(difference(to_quaternion(self.report.q), self._last_q))
+                    raise StateError(
+                        f"the device does not rest {LONGEST_SETTLING:g} s after the last pose was "
+                        f"due, and is {away:.3g} rad away from it; widen the limits, or call "
+                        "wait() before the end of the block"
+                    )
         finally:
             self.close()
 
@@ -216,6 +254,26 @@ def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]
     if places and len(places) != len(orientations):
         raise RequestError("poses", "expected a position in every pose, or in none")
     return orientations, places
+
+
+def _check_poses(
+    orientations: Sequence[Orientation],
+    rates: Sequence[Sequence[float]],
+    places: Sequence[Sequence[float]],
+) -> None:
+    """Check that there is a pose that the daemon does not skip.
+
+    Raises:
+        RequestError: there is none.
+    """
+    for k, q in enumerate(orientations):
+        omega = _vector(rates[k]) if rates else None
+        problem = pose_problem(q, omega, _vector(places[k]) if places else None)
+        if not problem:
+            return
+    k = len(orientations) - 1
+    text = f"{problem}; none of the {k + 1} is a pose, so there is nothing to play"
+    raise RequestError(f"poses[{k}]", text)
 
 
 def _smoothed(
@@ -269,18 +327,41 @@ def _is_no_pose(pose: object) -> bool:
 def _stamps(
     count: int, rate: float | None, start: float | None, times: ArrayLike | None
 ) -> list[int]:
+    """Return the times of the poses, ns of this machine's monotonic clock.
+
+    Raises:
+        RequestError: they are not given, not finite, of another clock, or too far ahead or ago.
+    """
     if times is not None:
         if rate is not None or start is not None:
             raise RequestError("times", "expected either times, or rate and start")
+        place = "times"
         seconds = [row[0] for row in _rows("times", [[one] for one in to_plain(times)], count, 1)]
-    elif rate is None or not 0.0 < rate < math.inf:
-        raise RequestError("rate", f"expected poses a second, or times, got {rate!r}")
     else:
+        place = "start"
+        if not _is_number(rate) or not 0.0 < rate <= MOST_RATE_HZ:
+            problem = f"expected more than 0 and at most {MOST_RATE_HZ:g} poses a second, or times"
+            raise RequestError("rate", f"{problem}, got {rate!r}")
+        if start is not None and not _is_number(start):
+            raise RequestError("start", f"expected seconds of {CLOCK}, got {start!r}")
         first = time.monotonic() + 1.0 / rate if start is None else start
         seconds = [first + k / rate for k in range(count)]
-    if not all(map(math.isfinite, seconds)):
-        raise RequestError("times", f"expected finite seconds, got {seconds}")
-    return [round(1e9 * when) for when in seconds]
+    for k, when in enumerate(seconds):
+        if not math.isfinite(when):
+            where = f"times[{k}]" if times is not None else place
+            raise RequestError(where, f"expected a finite number of seconds, got {when}")
+    stamps, now_ns = [round(1e9 * when) for when in seconds], time.monotonic_ns()
+    check_chunk_times(place, min(stamps), max(stamps), now_ns, is_seconds=True, clock=CLOCK)
+    return stamps
+
+
+def _is_number(given: object) -> TypeGuard[float]:
+    return isinstance(given, SupportsFloat) and not isinstance(given, bool | str)
+
+
+def _vector(row: Sequence[float]) -> Vector3:
+    x, y, z = row
+    return x, y, z
 
 
 def _rows(name: str, given: object, count: int, width: int = 3) -> list[list[float]]:

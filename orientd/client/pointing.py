@@ -20,7 +20,14 @@ from typing import NamedTuple, get_args
 from orientd.client.connection import Connection
 from orientd.client.prediction import LONGEST_NS, Predictor, turning
 from orientd.client.sight import AXES, NEAREST, Axis, PlanSight, PointSight, Roll, Sight, TurnSight
-from orientd.client.target_messages import Frame, is_in_world, orientation_of, vector_of
+from orientd.client.target_messages import (
+    Frame,
+    check_life,
+    check_stamp,
+    is_in_world,
+    orientation_of,
+    vector_of,
+)
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.errors import RequestError, StaleBaseError, StateError
 from orientd.floats import conjugate, multiply, norm, normalize, plus, rotate_back
@@ -45,8 +52,11 @@ USUAL = 0.05
 REST_NS = 60_000_000_000
 """Time to live of a target at rest."""
 
-AHEAD_NS = 1_000_000_000
-"""How far ahead of now a sample may be stamped."""
+AHEAD = 1.0
+"""How far ahead of now a sample may be stamped, s."""
+
+LONGEST_WAIT = 3600.0
+"""How far from now the start of a plan may be, s."""
 
 PLAN_RATE_HZ = 100.0
 """Samples a second of a plan to follow."""
@@ -61,7 +71,7 @@ class BaseReport(NamedTuple):
     Attributes:
         samples: number of used samples.
         skipped: number of skipped samples: too old, out of order, not finite or not of unit norm.
-        time_ns: time of the newest sample, monotonic clock; 0 without a sample.
+        time_ns: time of the newest sample, monotonic clock of this machine; 0 without a sample.
         age: age of the newest sample, s; infinity without a sample.
         is_stale: whether the newest sample is older than its time to live.
         stale_since_ns: time from which the base is stale; 0 without a sample.
@@ -83,17 +93,20 @@ class Pointing(ABC):
     Attributes:
         transport: longest time that a target takes to reach the servo, s.  Raise it for a slow
             network.
+        skipped: number of skipped samples of points, directions and orientations: expired, or not
+            newer than those before.
     """
 
     def __init__(self, connection: Connection, device: str) -> None:
         """Create it for *device*, at which nothing has been pointed yet."""
         self.transport = TRANSPORT
+        self.skipped = 0
         self._connection, self._device = connection, device
         self._lock = threading.RLock()
         self._sight: Sight | None = None
         self._base: Predictor[Quaternion] | None = None
         self._base_life_ns = 0
-        self._samples = self._skipped = 0
+        self._samples = self._skipped_samples = 0
         self._frames: dict[str, NamedFrame] | None = None
         # The orientation of the base for the last target, and that target.
         self._target: tuple[Quaternion, Quaternion] | None = None
@@ -133,7 +146,7 @@ class Pointing(ABC):
             frame: name of a frame of the device, for the point and the pointing axis.  It turns
                 with the base.  Empty for none.
             pointing_axis: tool axis that points.
-            time_ns: time of the sample, on the monotonic clock of the daemon's machine; 0 for now.
+            time_ns: time of the sample, :func:`time.monotonic_ns` of this machine; 0 for now.
             time_to_live: the device comes to rest if no new sample of a moving point arrives for
                 this long, s.
 
@@ -229,10 +242,10 @@ class Pointing(ABC):
         omega = _body_rate(q, angular_velocity, velocity_frame)
         now_ns = time.monotonic_ns()
         stamp_ns = _stamp(time_ns, now_ns)
+        expires_ns = _expiry(omega, stamp_ns, time_to_live)
         with self._lock:
             sight = self._sight if isinstance(self._sight, TurnSight) else TurnSight()
-            if sight.take(q, omega, stamp_ns):
-                sight.expires_ns = _expiry(omega, stamp_ns, time_to_live)
+            self._note(sight, sight.take(q, omega, stamp_ns), expires_ns, now_ns)
             self._show(sight, now_ns)
 
     def follow(self, plan: pb.Plan, *, start_ns: int = 0) -> None:
@@ -240,14 +253,16 @@ class Pointing(ABC):
 
         Args:
             plan: a result of :meth:`.Robot.plan` that the daemon still stores.
-            start_ns: when it starts, monotonic clock; 0 for now.
+            start_ns: when it starts, :func:`time.monotonic_ns` of this machine; 0 for now.
 
         Raises:
+            RequestError: the start is of another clock, or more than an hour away.
             UnknownNameError: the daemon no longer stores the plan.
             StateError: there was no sample of the base.
             StaleBaseError: the base is stale.
             OrientdError: tracking has ended.
         """
+        check_stamp("start_ns", start_ns, time.monotonic_ns(), ahead=LONGEST_WAIT, ago=LONGEST_WAIT)
         if self._base is None:
             raise StateError("expected samples of the base first; without one, use robot.move")
         request = pb.GetPlanRequest(
@@ -281,7 +296,7 @@ class Pointing(ABC):
             angular_velocity: of the base, rad/s, as a gyroscope measures it.  ``None`` derives it
                 from successive samples.
             velocity_frame: the frame of that velocity.
-            time_ns: time of the sample, on the monotonic clock of the daemon's machine; 0 for now.
+            time_ns: time of the sample, :func:`time.monotonic_ns` of this machine; 0 for now.
             time_to_live: age from which the base is stale, s.  Then the device comes to rest until
                 a newer sample arrives.
 
@@ -289,8 +304,7 @@ class Pointing(ABC):
             RequestError: an argument is malformed.
             OrientdError: tracking has ended.
         """
-        if not 0.0 < time_to_live < math.inf:
-            raise RequestError("time_to_live", f"expected more than 0 s, got {time_to_live!r}")
+        check_life("time_to_live", time_to_live)
         now_ns = time.monotonic_ns()
         stamp_ns, life_ns = _stamp(time_ns, now_ns), round(time_to_live * 1e9)
         q = _unit(orientation_of(q_world_base, "q_world_base"))
@@ -300,7 +314,7 @@ class Pointing(ABC):
                 self._base = turning()
             is_fresh = q is not None and stamp_ns + life_ns > now_ns
             if q is None or not is_fresh or not self._base.take(q, omega, stamp_ns):
-                self._skipped += 1
+                self._skipped_samples += 1
                 return
             self._samples += 1
             self._base_life_ns = life_ns
@@ -312,7 +326,7 @@ class Pointing(ABC):
         """The stream of the base's orientation."""
         with self._lock:
             stamp_ns = self._base.time_ns if self._base is not None else 0
-            counts, life_ns = (self._samples, self._skipped), self._base_life_ns
+            counts, life_ns = (self._samples, self._skipped_samples), self._base_life_ns
         if not stamp_ns:
             return BaseReport(*counts, 0, math.inf, False, 0)
         age_ns = time.monotonic_ns() - stamp_ns
@@ -348,9 +362,15 @@ class Pointing(ABC):
                     q_flange_axis=multiply(found.tool.q, AXES[pointing_axis]),
                 )
             sight.roll, sight.place = roll, place or ZERO
-            if sight.take(point, velocity, stamp_ns):
-                sight.expires_ns = expires_ns
+            self._note(sight, sight.take(point, velocity, stamp_ns), expires_ns, now_ns)
             self._show(sight, now_ns)
+
+    def _note(self, sight: Sight, is_newer: bool, expires_ns: int | None, now_ns: int) -> None:
+        """Note until when a sample counts; count one from which nothing follows."""
+        if is_newer:
+            sight.expires_ns = expires_ns
+        if not is_newer or (expires_ns is not None and expires_ns <= now_ns):
+            self.skipped += 1
 
     def _frame(self, name: str) -> NamedFrame:
         """Return a frame of the device's configuration.
@@ -484,13 +504,9 @@ def _stamp(time_ns: int, now_ns: int) -> int:
     """Return the time of a sample.
 
     Raises:
-        RequestError: it is not a time, or too far ahead.
+        RequestError: it is no time, of another clock, or too far ahead or ago.
     """
-    if not isinstance(time_ns, int):
-        raise RequestError("time_ns", f"expected a whole number, got {time_ns!r}")
-    if time_ns > now_ns + AHEAD_NS:
-        most, came = AHEAD_NS * 1e-9, (time_ns - now_ns) * 1e-9
-        raise RequestError("time_ns", f"expected at most {most:g} s ahead, got {came:.6g} s")
+    check_stamp("time_ns", time_ns, now_ns, ahead=AHEAD)
     return time_ns or now_ns
 
 
@@ -500,6 +516,5 @@ def _expiry(velocity: Vector3 | None, stamp_ns: int, time_to_live: float) -> int
     Raises:
         RequestError: the time to live is out of range.
     """
-    if not isinstance(time_to_live, int | float) or not 0.0 < time_to_live < math.inf:
-        raise RequestError("time_to_live", f"expected more than 0 s, got {time_to_live!r}")
+    check_life("time_to_live", time_to_live)
     return None if velocity is None or velocity == ZERO else stamp_ns + round(time_to_live * 1e9)

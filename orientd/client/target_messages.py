@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Literal, get_args
 
 from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import RequestError
 from orientd.model import FORMS, joined, keyframe_mappings, read_keyframe
+from orientd.protocol import (
+    LONGEST_AGO,
+    LONGEST_AHEAD,
+    LONGEST_LIFE,
+    quaternion,
+    stamp_problem,
+    vector,
+)
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import quaternion, vector
 from orientd.rotation import Quaternion
 from orientd.spelling import did_you_mean
 
@@ -17,6 +25,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Frame = Literal["body", "world"]
+
+CLOCK = "time.monotonic() of this machine"
+CLOCK_NS = "time.monotonic_ns() of this machine"
+"""The clock of stamps, for messages."""
 
 TARGET_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
 """Keys of a target in addition to its orientation."""
@@ -37,10 +49,8 @@ def target_message(
         RequestError: the target is malformed.
     """
     is_world = is_in_world(velocity_frame, "target.velocity_frame")
-    if not isinstance(time_ns, int):
-        raise RequestError("target.time_ns", f"expected a whole number, got {time_ns!r}")
-    if not isinstance(time_to_live, int | float):
-        raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
+    check_stamp("target.time_ns", time_ns, time.monotonic_ns(), ahead=LONGEST_AHEAD)
+    check_life("target.time_to_live", time_to_live, least=0.0)
     message = pb.TrackTarget(time_ns=time_ns, time_to_live=time_to_live)
     message.orientation.CopyFrom(quaternion(orientation_of(target)))
     if angular_velocity is not None:
@@ -51,6 +61,44 @@ def target_message(
     if position is not None:
         message.position.CopyFrom(vector(vector_of(position, "target.position")))
     return message
+
+
+def check_stamp(
+    place: str, time_ns: object, now_ns: int, *, ahead: float, ago: float = LONGEST_AGO
+) -> None:
+    """Check the time of a sample or target, which may be 0; *place* is its name in messages.
+
+    Args:
+        place: its name in messages.
+        time_ns: by this machine's monotonic clock, ns.
+        now_ns: the time now, by the same clock.
+        ahead: how far ahead of that it may be, s.
+        ago: how long before that it may be, s.
+
+    Raises:
+        RequestError: it is no whole number, of another clock, or too far ahead or ago.
+    """
+    if isinstance(time_ns, bool) or not isinstance(time_ns, int):
+        problem = f"expected a whole number of nanoseconds, got {time_ns!r}; give {CLOCK_NS}"
+        raise RequestError(place, problem)
+    if not time_ns:
+        return
+    problem = stamp_problem(time_ns, now_ns, ahead=ahead, ago=ago, clock=CLOCK_NS)
+    if problem:
+        raise RequestError(place, problem)
+
+
+def check_life(place: str, time_to_live: object, *, least: float | None = None) -> None:
+    """Check a time to live, s; *place* is its name in messages.
+
+    Raises:
+        RequestError: it is no number in the range, or not *least*, which stands for a default.
+    """
+    life = time_to_live
+    if isinstance(life, int | float) and (life == least or 0.0 < life <= LONGEST_LIFE):
+        return
+    most = f"expected more than 0 and at most {LONGEST_LIFE:g} s"
+    raise RequestError(place, f"{most}, got {time_to_live!r}; repeat a target that is to last")
 
 
 def is_in_world(frame: object, place: str = "velocity_frame") -> bool:

@@ -31,7 +31,16 @@ if TYPE_CHECKING:
     )
     from orientd.protocol.status import DETAILS_KEY, from_status, to_status
     from orientd.protocol.stub import control_stub
-    from orientd.protocol.targets import poses_from_message, target_from_message
+    from orientd.protocol.targets import (
+        LONGEST_AGO,
+        LONGEST_AHEAD,
+        LONGEST_LIFE,
+        check_chunk_times,
+        pose_problem,
+        poses_from_message,
+        stamp_problem,
+        target_from_message,
+    )
     from orientd.protocol.values import quaternion, to_quaternion, to_vector, vector
 
 __getattr__ = lazily(
@@ -61,7 +70,16 @@ __getattr__ = lazily(
         ),
         "orientd.protocol.status": ("DETAILS_KEY", "from_status", "to_status"),
         "orientd.protocol.stub": ("control_stub",),
-        "orientd.protocol.targets": ("poses_from_message", "target_from_message"),
+        "orientd.protocol.targets": (
+            "LONGEST_AGO",
+            "LONGEST_AHEAD",
+            "LONGEST_LIFE",
+            "check_chunk_times",
+            "pose_problem",
+            "poses_from_message",
+            "stamp_problem",
+            "target_from_message",
+        ),
         "orientd.protocol.values": ("quaternion", "to_quaternion", "to_vector", "vector"),
     },
 )

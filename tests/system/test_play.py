@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import orientd
 from orientd.errors import OrientdError, RequestError
-from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_vector
 from orientd_loopback import read_recording
 
@@ -128,15 +127,6 @@ def test_a_chunk_that_is_not_well_formed_is_refused_at_once(robot):
         for options, field in wrong:
             with pytest.raises(RequestError, match=field):
                 play.chunk(about_z([0.0, 0.1]), **options)
-
-
-def test_a_chunk_that_the_daemon_refuses_is_counted(robot):
-    with robot.play() as play:
-        play.chunk(about_z(np.zeros(65)), rate=RATE)
-        play.chunk(about_z([0.0]), times=[time.monotonic() + 20.0])
-        play.send(pb.TrackRequest(chunk=pb.TrackChunk(times_ns=[1], orientations=[1.0, 0.0])))
-        until(lambda: play.report.refused == 3, "the refusals")
-        assert "chunk.orientations" in play.report.refusal
 
 
 def test_a_stop_ends_the_playing(daemon, robot, before):

@@ -1,16 +1,24 @@
-"""The targets and chunks of one caller that a device follows, and a report of how that goes."""
+"""The targets and chunks of one caller that a device follows, and a report of how that goes.
+
+The daemon counts each target, chunk and pose that it refuses, and reports why the last one was.
+The first one is also an event of the device.  An event reports later ones together, once in
+:data:`SPACING` seconds, so that a stream of them does not flood the log.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator
 
-from orientd.daemon.device import Device
+from orientd.daemon.device import Device, EventKind
 from orientd.driver import Quaternion
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import poses_from_message, quaternion, target_from_message, vector
+
+SPACING = 10.0
+"""Least time between two events about the messages of one caller, s."""
 
 
 class Following:
@@ -24,6 +32,7 @@ class Following:
         self._refused = self._skipped = 0
         self._refusal = ""
         self._newest: Quaternion | None = None
+        self._untold, self._told = 0, -SPACING
 
     def take(self, message: pb.TrackTarget) -> None:
         """Give the servo a target; count one that is not well formed."""
@@ -37,19 +46,39 @@ class Following:
 
     def take_chunk(self, message: pb.TrackChunk) -> None:
         """Give the servo a chunk; count one that is not well formed, and poses that are none."""
+        now_ns = time.monotonic_ns()
         try:
-            samples, skipped = poses_from_message(message, time.monotonic_ns())
-            left_out, problem = self._device.targets.play(samples)
+            samples, skipped, malformed = poses_from_message(message, now_ns)
+            left_out, out_of_reach = self._device.targets.play(samples)
         except OrientdError as error:
             self.refuse(str(error))
             return
         self._skipped += skipped + left_out
-        self._refusal = problem or self._refusal
+        late = 1e-9 * (now_ns - samples[-1].time_ns)
+        if late >= 0.0:
+            self._tell(
+                f"chunk: its last pose was due {late:.3g} s before it arrived, so none is played; "
+                "send longer chunks, or stamp them later"
+            )
+        elif malformed or out_of_reach:
+            self._tell(f"{malformed or out_of_reach}; skipped")
 
     def refuse(self, problem: str) -> None:
         """Count a message that has no target."""
         self._refused += 1
+        self._tell(problem)
+
+    def _tell(self, problem: str) -> None:
+        """Report a problem of a message, also as an event if one is due."""
         self._refusal = problem
+        self._untold += 1
+        now = time.monotonic()
+        if now - self._told < SPACING:
+            return
+        before = self._untold - 1
+        more = f" (and {before} other problems since the last event)" if before else ""
+        self._untold, self._told = 0, now
+        self._device.tell(EventKind.WARNING, f"a client's targets: {problem}{more}")
 
     def report(self) -> pb.TrackResponse | None:
         """Return how it goes; ``None`` while there is no servo."""

@@ -140,7 +140,7 @@ class Device:
         self._servo = ServoProcess(
             settings,
             read_ahead=read_ahead,
-            tell=self._tell_of_servo,
+            tell=self.tell,
             explaining=driver if isinstance(driver, Explaining) else None,
             stops=stops,
         )
@@ -609,7 +609,8 @@ class Device:
 
     # Events
 
-    def _tell_of_servo(self, kind: EventKind, text: str) -> None:
+    def tell(self, kind: EventKind, text: str) -> None:
+        """Report an event that is not one of a motion; returns at once."""
         queued = self._queue.present if kind is EventKind.FAULT else None
         self._on_event(DeviceEvent(self.name, kind, text, time.monotonic_ns(), queued))
 

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import random
+import time
 
 import pytest
 
@@ -95,12 +96,10 @@ def test_blank_lines_are_no_targets_and_no_mistakes(capsys):
 
 
 def test_what_a_line_says_is_taken_and_the_rest_is_the_option():
-    own, other = read(
-        b'{"rotation_vector": [0, 0, 1], "time_to_live": 2, "time_ns": 5, "position": [1, 2, 3]}',
-        GOOD,
-        time_to_live=0.7,
-    )[0]
-    assert (own.time_to_live, own.time_ns, own.position.z) == (2.0, 5, 3.0)
+    now_ns = time.monotonic_ns()
+    line = {"rotation_vector": [0, 0, 1], "time_to_live": 2, "position": [1, 2, 3]}
+    own, other = read(json.dumps({**line, "time_ns": now_ns}).encode(), GOOD, time_to_live=0.7)[0]
+    assert (own.time_to_live, own.time_ns, own.position.z) == (2.0, now_ns, 3.0)
     assert other.time_to_live == 0.7
 
 

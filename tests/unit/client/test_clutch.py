@@ -165,7 +165,16 @@ def test_a_hand_that_is_no_pose_is_left_out():
     clutch.move(hand(HAND))
     clutch.move(orientd.Quaternion(w=math.nan, x=0.0, y=0.0, z=0.0))
     clutch.move(hand(HAND), position=(math.inf, 0.0, 0.0))
+    clutch.move(orientd.Quaternion(w=0.0, x=0.0, y=0.0, z=0.0))
     assert len(targets.aimed) == 1
+    assert clutch.skipped == 3
+
+
+def test_a_position_that_only_some_poses_of_the_hand_have_is_refused():
+    _, clutch = engaged()
+    clutch.move(hand(HAND))
+    with pytest.raises(RequestError, match=r"position: expected in every call or in none"):
+        clutch.move(hand(HAND), position=(1.0, 0.0, 0.0))
 
 
 def test_the_sign_of_the_hand_does_not_matter():
