@@ -8,10 +8,11 @@ from typing import Annotated
 import click
 
 from orientd.cli.command import Commander, Host
-from orientd.cli.output import Output
+from orientd.cli.output import Output, complain
 from orientd.cli.parameters import Option, command
+from orientd_rotctld.ephemeris import from_table
 from orientd_rotctld.rotctld import Ranges, Rotctld
-from orientd_rotctld.sky import from_elements, from_table
+from orientd_rotctld.sky import from_elements
 from orientd_serving.command import NORTH, pair, run
 from orientd_serving.equatorial import observer_of
 
@@ -70,7 +71,14 @@ def rotctld(
     """
     if (tle is None) != (not observer):
         raise click.UsageError("expected --tle and --observer together, or neither")
-    targets = [] if ephemeris is None else from_table(ephemeris)
+    targets = []
+    if ephemeris is not None:
+        table = from_table(ephemeris)
+        targets.append(table.target)
+        if table.is_exact:
+            out.say(table.summary)
+        else:
+            complain({"message": table.summary}, as_json=out.as_json)
     if tle is not None:
         targets += from_elements(tle, observer_of(observer))
     ranges = Ranges(azimuth, elevation)  # type: ignore[arg-type] # from the callbacks

@@ -1,12 +1,10 @@
-"""Targets in the sky whose way is known: satellites by their orbital elements, or a table."""
+"""Targets in the sky whose path is known, and their passes; satellites by orbital elements."""
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -38,9 +36,6 @@ _EXACT = 1e-3
 _FINE = 0.2
 _STRIDE, _PAUSE = math.radians(3.0), 20.0
 """Largest angle, rad, and longest time, s, from one row of a pass to the next."""
-_GAP = 10.0
-"""Time between two rows of a table, in the usual times between them, that ends a pass."""
-_ROUNDS = 30
 _UNIX_EPOCH = 2440587.5
 _EARTH, _FLATTENING = 6378.137, 1.0 / 298.257223563
 """WGS 84: equatorial radius, km."""
@@ -188,7 +183,7 @@ def from_elements(path: Path, observer: tuple[float, float, float]) -> list[Targ
         raise OrientdError(
             "this needs the extra `satellite`: pip install 'orientd-motion[satellite]'"
         ) from None
-    lines = [line.rstrip() for line in _text(path).splitlines() if line.strip()]
+    lines = [line.rstrip() for line in text_of(path).splitlines() if line.strip()]
     targets = []
     for place, line in enumerate(lines[:-1]):
         if not (line.startswith("1 ") and lines[place + 1].startswith("2 ")):
@@ -205,97 +200,14 @@ def from_elements(path: Path, observer: tuple[float, float, float]) -> list[Targ
     return targets
 
 
-def from_table(path: Path) -> list[Target]:
-    """Return the target of a table with the columns time, azimuth and elevation.
-
-    Between its rows the target is on a cubic curve through them.  Rows every 30 s are within 0.1
-    degrees for a satellite in a low orbit, rows every 10 s within 0.001 degrees.  In a gap of the
-    table, as between two passes, its place is not known.
-
-    Args:
-        path: a CSV file; times are Unix time in s, or ISO 8601 (UTC without a zone).
+def text_of(path: Path) -> str:
+    """Return the text of a file.
 
     Raises:
-        OrientdError: the file cannot be read, or is not such a table.
+        OrientdError: it cannot be read, or is no text.
     """
-    rows = sorted(_rows(path))
-    if len(rows) < 3:
-        raise OrientdError(f"{path}: expected at least 3 rows, got {len(rows)}")
-    times, azimuth, elevation = np.array(rows).T
-    if not np.all(np.diff(times) > 0.0):
-        raise OrientdError(f"{path}: two rows have the same time")
-    east, up = np.radians(azimuth), np.radians(elevation)
-    points = np.column_stack([np.cos(up) * np.cos(east), -np.cos(up) * np.sin(east), np.sin(up)])
-
-    spacing = np.diff(times)
-    is_gap = spacing > _GAP * np.median(spacing)
-    passes = np.split(np.arange(len(times)), np.flatnonzero(is_gap) + 1)
-    rates = np.concatenate([_rates(times[one], points[one]) for one in passes])
-
-    def at(when: Floats) -> Floats:
-        row = np.clip(np.searchsorted(times, when, side="right") - 1, 0, len(times) - 2)
-        length = (times[row + 1] - times[row])[:, None]
-        u = (when - times[row])[:, None] / length
-        found = (
-            (1.0 + 2.0 * u) * (1.0 - u) ** 2 * points[row]
-            + u**2 * (3.0 - 2.0 * u) * points[row + 1]
-            + length * u * (1.0 - u) * ((1.0 - u) * rates[row] - u * rates[row + 1])
-        )
-        is_known = (when >= times[0]) & (when <= times[-1]) & ~(is_gap[row] & (u[:, 0] > 0.0))
-        found[~is_known] = np.nan
-        unit: Floats = found / np.linalg.norm(found, axis=1, keepdims=True)
-        return unit
-
-    return [Target(path.stem, at)]
-
-
-def _rates(times: Floats, points: Floats) -> Floats:
-    """Return the derivatives of a cubic spline through points, shape ``(n, 3)``.
-
-    At the ends they are those of parabolas.  The equations of the others are dominated by their
-    diagonal, so that each round halves the error.  Fewer than three points are on a straight line.
-    """
-    if len(times) < 3:
-        span = max(times[-1] - times[0], np.finfo(np.float64).tiny)
-        return np.tile((points[-1] - points[0]) / span, (len(times), 1))
-    lengths = np.diff(times)[:, None]
-    before, after = lengths[:-1], lengths[1:]
-    slopes = np.diff(points, axis=0) / lengths
-    rates: Floats = np.gradient(points, times, axis=0, edge_order=2)
-    wanted = 3.0 * (after * slopes[:-1] + before * slopes[1:])
-    for _ in range(_ROUNDS):
-        others = after * rates[:-2] + before * rates[2:]
-        rates[1:-1] = (wanted - others) / (2.0 * (before + after))
-    return rates
-
-
-def _rows(path: Path) -> Iterator[tuple[float, float, float]]:
-    reader = csv.DictReader(_text(path).splitlines())
-    columns = ("time", "azimuth", "elevation")
-    if missing := [name for name in columns if name not in (reader.fieldnames or ())]:
-        raise OrientdError(f"{path}: expected the columns {', '.join(columns)}, no {missing[0]}")
-    for number, row in enumerate(reader, 2):
-        try:
-            angles = float(row["azimuth"]), float(row["elevation"])
-            when = _seconds(row["time"])
-        except (TypeError, ValueError) as error:
-            raise OrientdError(f"{path}, line {number}: {error}") from None
-        if not all(map(math.isfinite, (when, *angles))):
-            raise OrientdError(f"{path}, line {number}: expected finite numbers")
-        yield (when, *angles)
-
-
-def _seconds(text: str) -> float:
     try:
-        return float(text)
-    except ValueError:
-        when = datetime.fromisoformat(text)
-        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text("utf-8")
+        return path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise OrientdError(f"{path}: {reason}") from None

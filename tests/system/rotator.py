@@ -39,6 +39,8 @@ class Client:
 def rotctld(daemon, *arguments):
     """Serve a daemon's device; yield a client."""
     server = begin("serve", "rotctld", "--port", 0, "--socket", daemon.socket, *arguments)
+    if "--ephemeris" in arguments:
+        assert "the target is known to" in server.stdout.readline()
     line = server.stdout.readline()
     assert line.startswith("ready at "), (line, server.stderr.read())
     client = Client(int(line.split()[2].rpartition(":")[2]))

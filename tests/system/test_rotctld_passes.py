@@ -136,25 +136,6 @@ def test_a_pass_that_has_fallen_behind_is_planned_again(daemon, tmp_path):
         until(lambda: off_target() < 0.1, "the pass to be followed again")
 
 
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("", ["expected the columns time, azimuth, elevation"]),
-        ("time,azimuth\n1,2\n", ["no elevation"]),
-        ("time,azimuth,elevation\n1,2,x\n", ["line 2", "'x'"]),
-        ("time,azimuth,elevation\n1,2,nan\n", ["line 2", "finite"]),
-        ("time,azimuth,elevation\n1,2,3\n", ["at least 3 rows, got 1"]),
-        ("time,azimuth,elevation\n1,2,3\n1,2,3\n2,3,4\n", ["the same time"]),
-    ],
-)
-def test_a_bad_table_is_refused_in_one_line(daemon, tmp_path, text, parts):
-    table = tmp_path / "pass.csv"
-    table.write_text(text)
-    assert_refused(
-        orientd("serve", "rotctld", "--ephemeris", table, "--socket", daemon.socket), *parts
-    )
-
-
 ISS = """ISS (ZARYA)
 1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927
 2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537

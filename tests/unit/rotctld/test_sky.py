@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from orientd_rotctld.sky import find_pass, from_elements, from_table
+from orientd_rotctld.ephemeris import from_table
+from orientd_rotctld.sky import find_pass, from_elements
 
 ELEMENTS = """0 VANGUARD 1
 1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753
@@ -50,7 +51,7 @@ def table_of(folder, times, points):
         f"{t:.6f},{a:.6f},{e:.6f}\n" for t, a, e in zip(times, azimuth, elevation, strict=True)
     )
     (folder / "pass.csv").write_text(f"time,azimuth,elevation\n{rows}")
-    return from_table(folder / "pass.csv")
+    return [from_table(folder / "pass.csv").target]
 
 
 NOW = 1.8e9
