@@ -13,6 +13,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """
     known = list(known)
     near = [one for one in known if name == "".join(word[:1] for word in one.split("_"))]
+    near = near or [one for one in known if name.casefold() == one.casefold()]
     near = near or get_close_matches(name[:100], known, n=1, cutoff=0.5)
     return f"; did you mean {near[0]!r}?" if near else ""
 
@@ -20,4 +21,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 def unknown_key(key: str, known: Iterable[str]) -> str:
     """Return the message for a *key* of a table that is not among the *known* ones."""
     known = list(known)
-    return f"unknown key{did_you_mean(key, known)}; known are {', '.join(known)}"
+    hint = did_you_mean(key, known)
+    if key.isdigit():  # what a decimal comma leaves: {time: 3,5}
+        hint = "; write numbers with a decimal point"
+    return f"unknown key{hint}; known are {', '.join(known)}"

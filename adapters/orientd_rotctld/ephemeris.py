@@ -1,7 +1,7 @@
 """Tables of a target's directions by time: their rows, the curve between them, and its error.
 
-A row that cannot be right is refused by its line and column: angles and times outside their ranges,
-and a single row far off the path of its neighbours, as after a lost decimal point.
+A row that cannot be right is refused by its line and column.  Its angles or its time are outside
+their ranges, or it alone is far off the path of its neighbours, as after a lost decimal point.
 """
 
 from __future__ import annotations
@@ -19,14 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.errors import OrientdError
+from orientd_rotctld.satellite_pass import RANGES
 from orientd_rotctld.sky import Floats, Target, text_of
 
 MOST_ERROR = 0.1
 """Error between two rows above which a table counts as too coarse, degrees."""
 
 _COLUMNS = ("time", "azimuth", "elevation")
-_ANGLES = {"azimuth": (-720.0, 720.0), "elevation": (-90.0, 180.0)}
-"""Ranges of the columns, degrees; a rotator that has flipped over has elevations above 90."""
 _FIRST, _LAST = 946684800.0, 4102444800.0
 """The years 2000 to 2100, Unix time in s."""
 _FINER = {"ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -316,7 +315,7 @@ def _rows(path: Path) -> Iterator[_Row]:
                     f"{len(names) + len(row[None])}; write numbers with a decimal point"
                 )
             when = _time(path, line, row["time"])
-            azimuth, elevation = (_angle(path, line, name, row[name]) for name in _ANGLES)
+            azimuth, elevation = (_angle(path, line, name, row[name]) for name in RANGES)
             yield _Row(line, when, azimuth, elevation)
     except csv.Error as error:
         raise OrientdError(f"{path}, line {reader.line_num}: expected CSV: {error}") from None
@@ -328,7 +327,7 @@ def _angle(path: Path, line: int, column: str, cell: str | None) -> float:
     Raises:
         OrientdError: it is none, or outside the range of its column.
     """
-    low, high = _ANGLES[column]
+    low, high = RANGES[column]
     expected = f"expected {low:g} to {high:g} degrees"
     try:
         angle = float(cell or "")

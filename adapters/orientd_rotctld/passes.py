@@ -53,7 +53,8 @@ class Passes:
             north: angle of north from the world's x axis, counted towards y, degrees.
             notify: takes lines for people.
         """
-        self._served, self._north, self._notify = served, north, notify
+        self._served, self._notify = served, notify
+        self._north = math.remainder(north, 360.0)
         self.targets = targets
         self._pass: Pass | None = None
         self._otherwise: Callable[[], None] = lambda: None

@@ -32,8 +32,9 @@ def satellite_pass(
     Args:
         times: increasing, s, shape ``(n,)``, at least 3.  The path is smooth between them: a
             direction each second suits a low orbit.
-        azimuth: degrees from north towards east, in any turn, shape ``(n,)``.
-        elevation: degrees above the horizon, shape ``(n,)``.  Above 90 it points backwards.
+        azimuth: degrees from north towards east, from -720 to 720, shape ``(n,)``.
+        elevation: degrees above the horizon, from -90 to 180, shape ``(n,)``.  Above 90 it points
+            backwards.
         name: label of the motion in reports and logs.
 
     Raises:
@@ -46,6 +47,11 @@ def satellite_pass(
         if len(values) != count or count < _FEWEST:
             expected = f"expected {count} entries, one for each time, and at least {_FEWEST}"
             raise RequestError(key, f"{expected}, got {len(values)}")
+        low, high = RANGES.get(key, (-np.inf, np.inf))
+        if beyond := np.flatnonzero((values < low) | (values > high)).tolist():
+            expected = f"expected {low:g} to {high:g} degrees"
+            problem = f"{expected}, got {values[beyond[0]]:.10g}; check the decimal point"
+            raise RequestError(f"{key}[{beyond[0]}]", problem)
     seconds, east, up = (given[key] for key in columns)
     angles = zip((-east).tolist(), up.tolist(), strict=True)
     return motion_request(
@@ -60,6 +66,8 @@ def satellite_pass(
 
 
 _FEWEST = 3
+RANGES = {"azimuth": (-720.0, 720.0), "elevation": (-90.0, 180.0)}
+"""Ranges of the angles of a target, degrees; above 90 a rotator has flipped over."""
 
 
 def _column(key: str, values: ArrayLike) -> Floats:

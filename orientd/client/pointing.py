@@ -185,7 +185,7 @@ class Pointing(ABC):
 
         Args:
             azimuth: about z, from x towards y, degrees.
-            elevation: above the plane of x and y, degrees.
+            elevation: above the plane of x and y, degrees, from -180 to 180.
             azimuth_rate: degrees/s; 0 if only the other rate is given.  Without both, they are
                 derived from successive calls.
             elevation_rate: degrees/s.
@@ -201,6 +201,9 @@ class Pointing(ABC):
             OrientdError: tracking has ended.
         """
         a, e = _degrees(azimuth, "azimuth"), _degrees(elevation, "elevation")
+        if abs(e) > math.pi:
+            problem = f"expected -180 to 180 degrees, got {elevation:.10g}; check the decimal point"
+            raise RequestError("elevation", problem)
         line = (math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e))
         rate = None
         if azimuth_rate is not None or elevation_rate is not None:

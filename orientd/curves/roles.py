@@ -328,7 +328,7 @@ def _from_controls(
         wanted = check_integer(options.get("order", 4), "order", minimum=2)
         if wanted > count and "order" in options:
             raise ParameterError(
-                "order", f"order must be at most the number of keyframes, got {wanted}"
+                "order", f"order must be at most the number of keyframes, {count}, got {wanted}"
             )
         order = made["order"] = min(wanted, count)
         knots = options.pop("knots", None)

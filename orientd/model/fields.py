@@ -67,8 +67,9 @@ class AzimuthElevation(TypedDict):
     """A pointing direction as angles; the roll is free.
 
     Attributes:
-        azimuth: about z, from x towards y, degrees.
-        elevation: above the plane of x and y, degrees.
+        azimuth: about z, from x towards y, degrees, from -720 to 720.
+        elevation: above the plane of x and y, degrees, from -180 to 180; beyond 90 it points
+            backwards.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above

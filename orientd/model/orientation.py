@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 _ROUNDED = 1e-9  # rounding of an angle of a whole turn
 _LONGEST = 1e100  # squares of larger numbers overflow
+_MOST_DEG = {"azimuth": 720.0, "elevation": 180.0}
+"""Largest angles of a direction, degrees; elevations above 90 point backwards."""
 
 Read = tuple["Quaternion", str]
 """A quaternion, and a note of the certificate on how it was read."""
@@ -95,6 +97,13 @@ def _from_direction(vector: Vector3, form: str = "direction") -> Read:
 
 
 def _from_angles(given: Any) -> Read:  # noqa: ANN401 - AzimuthElevation
+    for name, most in _MOST_DEG.items():
+        if not abs(given[name]) <= most:
+            raise RequestError(
+                f"azimuth_elevation.{name}",
+                f"expected {-most:g} to {most:g} deg, got {given[name]:.10g}; check the decimal "
+                "point",
+            )
     return _level(math.radians(given["azimuth"]), math.radians(given["elevation"]))
 
 

@@ -70,13 +70,16 @@ def refused(error: ValidationError, of: Any) -> RequestError:  # noqa: ANN401 - 
         return RequestError(_path(loc), str(problem))
     if kind == "missing" and isinstance(loc[-1], int):
         count = max(int(one["loc"][-1]) for one in found if one["loc"][:-1] == loc[:-1]) + 1
-        return RequestError(_path(loc[:-1]), f"expected {count} entries, got {len(came)}")
+        problem = f"expected {count} entries, got {len(came)}: {shown(came)}"
+        return RequestError(_path(loc[:-1]), problem)
     if kind == "missing":
         return RequestError(_path(loc), "missing")
     if kind == "too_long":
         count, size = first["ctx"]["max_length"], first["ctx"]["actual_length"]
-        return RequestError(_path(loc), f"expected {count} entries, got {size}")
+        return RequestError(_path(loc), f"expected {count} entries, got {size}: {shown(came)}")
     expected = _EXPECTED.get(kind) or first.get("ctx", {}).get("expected") or first["msg"]
+    if kind == "dict_type" and (needed := _needed(of, loc)):
+        expected = f"{{{', '.join(f'{key}: ...' for key in needed)}}}"
     return RequestError(_path(loc), f"expected {expected}, got {shown(came)}")
 
 
@@ -88,8 +91,20 @@ def _path(loc: Iterable[int | str]) -> str:
     return place
 
 
+def _needed(of: Any, loc: Iterable[int | str]) -> list[str]:  # noqa: ANN401 - any type
+    """Return the keys that the table at *loc* must have."""
+    table = _type_at(of, loc)
+    needed = getattr(table, "__required_keys__", ())
+    return [key for key in getattr(table, "__annotations__", ()) if key in needed]
+
+
 def _keys(of: Any, loc: Iterable[int | str]) -> list[str]:  # noqa: ANN401 - any type
     """Return the keys of the table at *loc* in a value of the type *of*."""
+    return list(_names(_type_at(of, loc)).values())
+
+
+def _type_at(of: Any, loc: Iterable[int | str]) -> Any:  # noqa: ANN401 - any type
+    """Return the type at *loc* in a value of the type *of*."""
     for part in loc:
         of = _table(of)
         if hasattr(of, "__annotations__"):
@@ -97,7 +112,7 @@ def _keys(of: Any, loc: Iterable[int | str]) -> list[str]:  # noqa: ANN401 - any
             of = get_type_hints(of, include_extras=True)[named[str(part)]]
         else:
             of = get_args(of)[-1 if isinstance(part, str) else 0]
-    return list(_names(_table(of)).values())
+    return _table(of)
 
 
 def _names(of: Any) -> dict[str, str]:  # noqa: ANN401 - a table

@@ -67,7 +67,8 @@ def check_method(request: MotionRequest) -> type[Curve]:
     name = request.method
     family = METHODS.get(name)
     if family is None:
-        raise RequestError("method", f"unknown method {name!r}{did_you_mean(name, METHODS)}")
+        hint = did_you_mean(name, METHODS) or "; `orientd methods` lists them"
+        raise RequestError("method", f"unknown method {name!r}{hint}")
     if len(request.keys) == 1:
         # A single keyframe needs no curve of the method, only the planner's lead-in.
         return family

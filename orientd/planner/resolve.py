@@ -272,7 +272,8 @@ def _named(frames: Mapping[str, Frame], name: str, field: str) -> Frame:
     if name not in frames:
         known = ", ".join(frames)
         expected = f"expected one of {known}" if known else "there are no frames here"
-        raise RequestError(field, f"{expected}, got {name!r}")
+        step = "" if known else "; define it in `frames` of the motion or of the device"
+        raise RequestError(field, f"{expected}, got {name!r}{step}")
     return frames[name]
 
 

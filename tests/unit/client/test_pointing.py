@@ -256,6 +256,7 @@ def test_samples_of_the_base_that_are_none_are_skipped_and_counted():
         lambda s: s.look_at([1.0, 0.0, 0.0], pointing_axis="w"),
         lambda s: s.look_at([1.0, 0.0, 0.0], time_to_live=0.0),
         lambda s: s.point(float("inf"), 0.0),
+        lambda s: s.point(0.0, -2443.5),
         lambda s: s.base(as_user(IDENTITY), velocity_frame="sea"),
         lambda s: s.base(as_user(IDENTITY), time_ns=s.now_ns + 2 * NS),
         lambda s: s.aim_in_world("up"),

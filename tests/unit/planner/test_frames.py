@@ -194,7 +194,7 @@ def test_a_request_without_frames_stays_the_very_same():
     [
         ({"frame": "camra", "frames": {"camera": {}}},
          r"^keyframes\[0\]\.frame: expected one of camera, got 'camra'$"),
-        ({"frame": "camera"}, r"^keyframes\[0\]\.frame: there are no frames here, got 'camera'$"),
+        ({"frame": "camera"}, r"^keyframes\[0\]\.frame: there are no frames here, got 'camera'; "),
     ],
 )  # fmt: skip
 def test_an_unknown_frame_is_named_with_those_that_are_known(mapping, message):

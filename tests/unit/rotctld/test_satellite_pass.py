@@ -52,6 +52,14 @@ def test_a_planned_pass_follows_the_target_between_its_seconds():
         (([0, 1, 2], [0, 1], [0, 1, 2]), "azimuth: expected 3 entries.*, got 2"),
         (([0, 1, 2], [0, 1, 2], [0, 1, "x"]), "elevation: expected numbers"),
         (([0, 1, 2], [0, 1, 2], [0, 1, np.nan]), "elevation: expected finite numbers"),
+        (
+            ([0, 1, 2], [0, 24435, 2], [0, 1, 2]),
+            r"azimuth\[1\]: expected -720 to 720 degrees, got 24435; check the decimal point",
+        ),
+        (
+            ([0, 1, 2], [0, 1, 2], [0, 1, -2443.5]),
+            r"elevation\[2\]: expected -90 to 180 degrees, got -2443.5; check the decimal point",
+        ),
         (([0, 2, 2], [0, 1, 2], [0, 1, 2]), r"keyframes\[2\].time: 2 s is the time of"),
     ],
 )

@@ -1,0 +1,102 @@
+"""Wrong motion files: each is refused in one line with the file, the field, the value and more."""
+
+import pytest
+from command_line import inside
+
+REST = "keyframes:\n  - {rotation_vector: [0, 0, 0]}\n"
+TURN = REST + "  - {rotation_vector: [0, 0, 1]}\n"
+
+# The file, the field, and what the line says of it.
+WRONG = {
+    "a decimal point lost in an azimuth": (
+        REST + "  - azimuth_elevation: {azimuth: 24435, elevation: -20}\n",
+        "keyframes[1].azimuth_elevation.azimuth: expected -720 to 720 deg, got 24435; "
+        "check the decimal point",
+    ),
+    "a decimal point lost in an elevation": (
+        REST + "  - azimuth_elevation: {azimuth: 20, elevation: -2443.5}\n",
+        "keyframes[1].azimuth_elevation.elevation: expected -180 to 180 deg, got -2443.5; "
+        "check the decimal point",
+    ),
+    "a decimal comma in a mapping": (
+        REST + "  - {time: 3,5, rotation_vector: [0, 0, 1]}\n",
+        "keyframes[1].5: unknown key; write numbers with a decimal point; known are quaternion, ",
+    ),
+    "a decimal comma in a list": (
+        REST + "  - {rotation_vector: [0,5, 0, 1]}\n",
+        "keyframes[1].rotation_vector: expected 3 entries, got 4: [0, 5, 0, 1]",
+    ),
+    "a decimal comma of a number": (
+        REST + "duration: 2,5\n",
+        "duration: expected 'minimum' or seconds, got the text '2,5' "
+        "(with a decimal point it would be a number)",
+    ),
+    "a number with its unit": (
+        REST + "limits: {velocity: 30 deg/s}\n",
+        "limits.velocity: expected a number, got the text '30 deg/s' "
+        "(write the number alone, without a unit)",
+    ),
+    "components in capitals": (
+        REST + "  - {quaternion: {W: 1, X: 0, Y: 0, Z: 0}}\n",
+        "keyframes[1].quaternion.W: unknown key; did you mean 'w'?; known are w, x, y, z",
+    ),
+    "angles in a list": (
+        REST + "  - {azimuth_elevation: [20, 30]}\n",
+        "keyframes[1].azimuth_elevation: expected {azimuth: ..., elevation: ...}, got [20, 30]",
+    ),
+    "a matrix in one row": (
+        REST + "  - {matrix: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n",
+        "keyframes[1].matrix: expected 3 entries, got 9: [1, 0, 0, 0, 1, 0, ...]",
+    ),
+    "keyframes by name": (
+        "keyframes:\n  first: {rotation_vector: [0, 0, 0]}\n",
+        "keyframes: expected a list, got {'first': {'rotation_vector': [0, 0, 0]}}",
+    ),
+    "one time in milliseconds": (
+        "keyframes:\n  - {time: 0, rotation_vector: [0, 0, 0]}\n"
+        "  - {time: 2000, rotation_vector: [0, 0, 1]}\n"
+        "  - {time: 2.5, rotation_vector: [0, 0, 2]}\n",
+        "keyframes[2].time: must be later than keyframes[1] at 2000 s, got 2.5 s",
+    ),
+    "tabs": ("keyframes:\n\t- {}\n", "line 2: not YAML: a tab; YAML is indented with spaces"),
+}
+PLANNED = {
+    "a method of another library": (
+        TURN + "method: cubic\n",
+        "method: unknown method 'cubic'; `orientd methods` lists them",
+    ),
+    "a frame that nobody has defined": (
+        TURN + "frame: table\n",
+        "keyframes[0].frame: there are no frames here, got 'table'; define it in `frames` of the "
+        "motion or of the device",
+    ),
+    "an order above the number of keyframes": (
+        TURN + "method: kks_bspline\noptions: {order: 11}\n",
+        "options.order: order must be at most the number of keyframes, 2, got 11",
+    ),
+}
+
+
+def refusal(path):
+    """Return the one line with which a motion file is refused."""
+    done = inside("plan", path)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    return done.stderr.removeprefix("orientd: ").rstrip("\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"), WRONG.values(), ids=[name.replace(" ", "_") for name in WRONG]
+)
+def test_a_wrong_motion_file_is_refused_with_field_value_and_expectation(tmp_path, text, line):
+    path = tmp_path / "motion.yaml"
+    path.write_text(text)
+    assert refusal(path).startswith(f"{path}: {line}")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"), PLANNED.values(), ids=[name.replace(" ", "_") for name in PLANNED]
+)
+def test_what_cannot_be_planned_is_refused_with_its_field(tmp_path, text, line):
+    path = tmp_path / "motion.yaml"
+    path.write_text(text)
+    assert refusal(path) == line
