@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 from orientd.driver import IDENTITY
 from orientd.errors import DaemonError, OrientdError
 from orientd.floats import difference, norm
 from orientd.protocol import to_quaternion, to_vector
+from orientd_mavlink.ranges import Ranges
 from orientd_mavlink.setpoint import RETRACT, STEP, Setpoint, Wish
 from orientd_serving.served import Served, named
 
@@ -41,6 +44,9 @@ _PATIENCE = 1.5
 _USUAL = 0.2
 """Weight of the last gap between two messages of a stream in the usual one."""
 
+_DENIALS = 5
+"""Most warnings of requests that are denied in a second."""
+
 _NO_HEADING = (
     "a yaw from north is denied: the heading is unknown; set --north, or let the autopilot send "
     "AUTOPILOT_STATE_FOR_GIMBAL_DEVICE"
@@ -57,25 +63,33 @@ class Gimbal:
 
     Attributes:
         setpoint: of the gimbal.
-        limits: of the device.
+        ranges: of its angles and rates; it announces them and keeps them.
         knows_north: whether the heading of the base is known.
         problem: the error because of which the device does not move; empty if there is none.
     """
 
-    def __init__(self, served: Served, north: float | None, warn: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        served: Served,
+        options: Mapping[str, Any],
+        north: float | None,
+        warn: Callable[[str], None],
+    ) -> None:
         """Move the device only when asked.
 
         Args:
             served: the device.
+            options: of its driver.
             north: heading of the base, rad; ``None`` if it is unknown.
             warn: called with each problem, in one line.
         """
-        self.limits = served.report().limits
+        limits = served.report().limits
+        self.ranges = Ranges.of_device(options, limits.velocity)
         # The other half of the acceleration is for corrections.
         self.setpoint = Setpoint(
             north or 0.0,
-            speed=self.limits.velocity,
-            acceleration=0.5 * self.limits.acceleration,
+            speed=limits.velocity,
+            acceleration=0.5 * limits.acceleration,
         )
         self.knows_north, self.problem, self._told = north is not None, "", ""
         self._served, self._warn = served, warn
@@ -85,6 +99,7 @@ class Gimbal:
         self._is_tracking = self._is_turned = False
         self._done_by = self._asked = self._turns_until = self._renewal = -math.inf
         self._gap, self._streamed = 0.0, -math.inf
+        self._denied: deque[float] = deque(maxlen=_DENIALS)
         self._ticked = math.inf
 
     @property
@@ -107,11 +122,23 @@ class Gimbal:
         self._run(self._release)
 
     def can(self, wish: Wish) -> bool:
-        """Return whether a request is valid, and north is known if it needs that."""
-        if wish.needs_heading and not self.knows_north:
-            self._tell(_NO_HEADING)
-            return False
-        return wish.is_valid
+        """Return whether a request is valid and within the ranges; otherwise warn of it.
+
+        A request that needs north is invalid while north is unknown.
+        """
+        needs_north = wish.needs_heading and not self.knows_north
+        problem = wish.problem or (_NO_HEADING if needs_north else "")
+        problem = problem or self.ranges.problem(wish, self.setpoint.base[2])
+        if problem:
+            self.deny(problem)
+        return not problem
+
+    def deny(self, problem: str) -> None:
+        """Warn of a request that is denied, at most a few times a second."""
+        now = time.monotonic()
+        if len(self._denied) < _DENIALS or now > self._denied[0] + 1.0:
+            self._denied.append(now)
+            self._tell(problem)
 
     def plan(self, wish: Wish, done: Done) -> None:
         """Move to the requested angles in one motion, which is planned as a whole.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -37,14 +36,6 @@ _USUAL_INTERVALS = {
 
 _LEAST_INTERVAL = 0.02
 
-_EVERY = 1 | 2 | 4096
-"""Capabilities of every device: retract, neutral, yaw in the earth frame."""
-
-_OF_AXES = {"X": 0b111 << 2, "Y": 0b111 << 5, "Z": 0b111 << 8}
-"""Capabilities of an axis: there is one, it follows the vehicle, it is locked."""
-
-_ENDLESS_YAW = 2048
-
 
 class Reports:
     """The reports of the gimbal.
@@ -53,17 +44,17 @@ class Reports:
         holders: primary and secondary system and component in control, 0 for none.
     """
 
-    def __init__(self, served: Served, gimbal: Gimbal) -> None:
-        """Ask the daemon for the ranges of the axes.
+    def __init__(self, served: Served, gimbal: Gimbal, driver: str) -> None:
+        """Report on a gimbal.
 
-        Raises:
-            OrientdError: no daemon answers.
+        Args:
+            served: the device.
+            gimbal: the gimbal that it is.
+            driver: name of the device's driver.
         """
-        self._served, self._gimbal = served, gimbal
+        self._served, self._gimbal, self._driver = served, gimbal, driver
         self.holders: Sequence[tuple[int, int]] = ((0, 0), (0, 0))
         self._began = time.monotonic()
-        settings = json.loads(served.robot.observe().configuration().json)
-        self._settings = settings["devices"][served.name]
         self._intervals = dict(_USUAL_INTERVALS)
         self._due = dict.fromkeys(_USUAL_INTERVALS, 0.0)
         self._makers: dict[int, Callable[[], Any]] = {
@@ -140,44 +131,28 @@ class Reports:
             GIMBAL_ID,
         )
 
-    def _capabilities(self) -> tuple[int, list[float]]:
-        """Return capabilities, and the least and largest roll, pitch and yaw, NaN if unknown."""
-        options = self._settings["options"]
-        if "axes" not in options or {"mount", "tool"} & set(options):
-            return sum(_OF_AXES.values()) | _EVERY, [math.nan] * 6
-        capabilities, ranges = _EVERY, dict.fromkeys("XYZ", (0.0, 0.0))
-        for letter, axis in zip(options.get("order", "ZYX"), options["axes"], strict=True):
-            capabilities |= _OF_AXES[letter]
-            given = axis.get("limits_deg", (-180.0, 180.0))
-            if given == "endless":
-                capabilities |= _ENDLESS_YAW if letter == "Z" else 0
-                given = (-180.0, 180.0)
-            low, high = map(math.radians, given)
-            ranges[letter] = (low, high) if letter == "X" else (-high, -low)
-        return capabilities, [one for letter in "XYZ" for one in ranges[letter]]
-
     def _manager(self) -> Any:  # noqa: ANN401
-        capabilities, ranges = self._capabilities()
+        ranges = self._gimbal.ranges
         return mavlink.MAVLink_gimbal_manager_information_message(
-            self._ms(), capabilities, GIMBAL_ID, *ranges
+            self._ms(), ranges.capabilities, GIMBAL_ID, *ranges.announced()
         )
 
     def _device(self) -> Any:  # noqa: ANN401
-        capabilities, ranges = self._capabilities()
+        ranges = self._gimbal.ranges
         major, minor, patch = (int(part) for part in orientd.__version__.split(".")[:3])
         return mavlink.MAVLink_gimbal_device_information_message(
             self._ms(),
             b"orientd",
-            self._settings["driver"].encode()[:31],
+            self._driver.encode()[:31],
             self._served.name.encode()[:31],
             major | minor << 8 | patch << 16,
             0,
             0,
-            capabilities & 0xFFFF,
+            ranges.capabilities & 0xFFFF,
             0,
-            *ranges,
+            *ranges.announced(),
             GIMBAL_ID,
-            capabilities,
+            ranges.capabilities,
         )
 
 

@@ -7,6 +7,7 @@ have taken control may command the gimbal.
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import select
 import socket
@@ -21,7 +22,7 @@ from orientd.errors import OrientdError
 from orientd.own_socket import own_socket
 from orientd_mavlink.gimbal import Gimbal
 from orientd_mavlink.reports import GIMBAL_ID, Reports
-from orientd_mavlink.setpoint import RETRACT, attitude, level, wish_of
+from orientd_mavlink.setpoint import RETRACT, Wish, attitude, level, wish_of
 from orientd_serving.served import Served
 
 Source = tuple[int, int]
@@ -86,8 +87,10 @@ class Mavlink:
         Raises:
             DaemonError: the port is not available, or no daemon answers.
         """
-        self._gimbal = Gimbal(served, north, warn)
-        self._reports = Reports(served, self._gimbal)
+        configuration = json.loads(served.robot.observe().configuration().json)
+        settings = configuration["devices"][served.name]
+        self._gimbal = Gimbal(served, settings["options"], north, warn)
+        self._reports = Reports(served, self._gimbal, settings["driver"])
         self._warn = warn
         self._own: Source = (system, component)
         self._autopilot: Source = (system, mavlink.MAV_COMP_ID_AUTOPILOT1)
@@ -233,7 +236,12 @@ class Mavlink:
             self._planned = ""
             answer(ACCEPTED if is_done else DENIED)
 
-        if not (self._may(source, p[6]) and 0.0 <= p[4] < 1 << 16 and self._gimbal.can(wish)):
+        if not self._may(source, p[6]):
+            answer(DENIED)
+        elif not 0.0 <= p[4] < 1 << 16:
+            self._gimbal.deny(f"flags of {p[4]:g} are denied: expected a number of 0 to 65535")
+            answer(DENIED)
+        elif not self._gimbal.can(wish):
             answer(DENIED)
         elif flags & RETRACT or (self._gimbal.is_idle and wish.is_still):
             self._planned = asked
@@ -251,8 +259,17 @@ class Mavlink:
         is_for_device = message.get_type() == "GIMBAL_DEVICE_SET_ATTITUDE"
         if is_for_device and self._holders == FREE and source == self._autopilot:
             self._control(source, NOBODY)
-        wish = wish_of(message, self._gimbal.limits.velocity)
-        if wish is not None and self._may(source, gimbal) and self._gimbal.can(wish):
+        if not self._may(source, gimbal):
+            return
+        if message.get_type() == "GIMBAL_MANAGER_SET_MANUAL_CONTROL":
+            wish: Wish | None = self._gimbal.ranges.of_sticks(message)
+        else:
+            wish = wish_of(message)
+        if wish is None:
+            self._gimbal.deny(
+                f"a quaternion of norm {math.hypot(*message.q):.6g} is denied: expected norm 1"
+            )
+        elif self._gimbal.can(wish):
             self._gimbal.take(wish, life=STREAM_LIFE)
 
     def _on_vehicle(self, message: Any, source: Source, peer: Peer) -> None:  # noqa: ANN401
@@ -269,7 +286,16 @@ class Mavlink:
         self._send(mavlink.MAVLink_param_value_message(b"", 0.0, kind, 0, 0xFFFF), [peer])
 
     def _may(self, source: Source, gimbal: float) -> bool:
-        """Return whether a component may command a gimbal device id."""
+        """Return whether a component may command a gimbal device id; otherwise warn of it."""
+        if not _is_own(gimbal):
+            self._gimbal.deny(
+                f"a command for the gimbal device {gimbal:g} is denied: this one has id {GIMBAL_ID}"
+            )
+        elif source not in self._holders:
+            self._gimbal.deny(
+                f"a command of the component {source[0]}/{source[1]} is denied: it must first take "
+                "control, by MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE"
+            )
         return source in self._holders and _is_own(gimbal)
 
 

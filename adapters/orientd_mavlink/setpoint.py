@@ -103,11 +103,18 @@ class Wish:
         return not is_unset and not any(rate for rate in self.rates if not math.isnan(rate))
 
     @property
-    def is_valid(self) -> bool:
-        """Whether every number is finite or unset, and the yaw has one frame."""
+    def problem(self) -> str:
+        """Why it cannot be carried out by any gimbal, in one line; empty if it can."""
         both = YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME
-        is_finite = not any(map(math.isinf, (*self.angles, *self.rates)))
-        return is_finite and self.flags & both != both
+        if self.flags & both == both:
+            return (
+                "a yaw in the frames of the vehicle and of the earth at once is denied: set one of "
+                "the flags"
+            )
+        for kind, values in (("angle", self.angles), ("rate", self.rates)):
+            if any(map(math.isinf, values)):
+                return f"an infinite {kind} is denied: expected a number, or NaN for no change"
+        return ""
 
 
 def level(flags: int, angles: tuple[float, float], rates: tuple[float, float]) -> Wish:
@@ -116,25 +123,19 @@ def level(flags: int, angles: tuple[float, float], rates: tuple[float, float]) -
     return Wish(flags, (roll, *angles), (math.nan, *rates))
 
 
-def wish_of(message: Any, fastest: float) -> Wish | None:  # noqa: ANN401 - pymavlink has no types
+def wish_of(message: Any) -> Wish | None:  # noqa: ANN401 - pymavlink has no types
     """Return the wish of a message that sets an attitude; ``None`` if its norm is wrong.
 
     Args:
-        message: for the manager or the device of a gimbal.
-        fastest: rate of a stick that is pushed to its end, rad/s.
+        message: for the manager or the device of a gimbal; not of sticks.
     """
     if hasattr(message, "q"):
         angles = attitude(message.q)
         names = ("angular_velocity_x", "angular_velocity_y", "angular_velocity_z")
         rates = [getattr(message, name) for name in names]
         return None if angles is None else Wish(message.flags, angles, rates)
-    pitch, yaw, rate = 1.0, 1.0, 1.0
-    if message.get_type() == "GIMBAL_MANAGER_SET_MANUAL_CONTROL":
-        pitch, yaw, rate = 0.5 * math.pi, math.pi, fastest
     return level(
-        message.flags,
-        (pitch * message.pitch, yaw * message.yaw),
-        (rate * message.pitch_rate, rate * message.yaw_rate),
+        message.flags, (message.pitch, message.yaw), (message.pitch_rate, message.yaw_rate)
     )
 
 

@@ -153,6 +153,7 @@ def gimbal(socket_path, *arguments, source=GIMBAL):
     finally:
         station.close()
         server.send_signal(signal.SIGINT)
-        _, station.errors = server.communicate(timeout=30.0)
+        _, errors = server.communicate(timeout=30.0)
+        station.errors = errors or ""
         assert server.returncode == 0, station.errors
         assert "Traceback" not in station.errors, station.errors

@@ -110,6 +110,7 @@ def test_mavsdk_commands_a_gimbal_a_hundred_times(sdk, gimbal_daemon):
     for _ in range(12):
         pitch, yaw = chance.uniform(-60, 60), chance.uniform(-150, 150)
         assert sdk.aim(pitch, yaw)
+        assert not sdk.aim(-150, yaw)  # out of the range of an axis, while the gimbal moves
     sdk.await_angles(pitch, yaw)
     assert sdk.aim(-20, 50, is_locked=True)
     sdk.await_angles(-20, 30)
