@@ -43,8 +43,8 @@ ZenohEndpoint = Annotated[str, checked(f"{TLS}HOST:PORT or {UNIX}/PATH", _zenoh_
 class FleetSettings(Table):
     """The table ``[fleet]``: reach this daemon, and have it found, over Zenoh.
 
-    ``orientd fleet serve`` reads this table.  Over TLS a caller is who their certificate says, with the
-    role that ``[access.certificates]`` gives them.  A Unix socket is for the daemon's own user
+    ``orientd fleet serve`` reads this table.  Over TLS a caller is who their certificate says, with
+    the role that ``[access.certificates]`` gives them.  A Unix socket is for the daemon's own user
     alone.
 
     Attributes:
