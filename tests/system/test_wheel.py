@@ -1,5 +1,6 @@
 """The wheel, as a user gets it: built, installed away from the source tree, run."""
 
+import math
 import os
 import shlex
 import subprocess
@@ -173,6 +174,16 @@ def test_the_console_script_runs_from_the_wheel(script, tmp_path):
     assert answer.returncode == 0, answer.stderr
     answer = run(script, "methods", "--json", cwd=tmp_path)
     assert "c2_cumulative" in answer.stdout
+
+
+def test_a_recording_of_another_program_is_replayed_and_drawn_from_the_wheel(script, tmp_path):
+    halves = [0.3 * math.sin(k / 60) for k in range(300)]
+    rows = [f"{k / 100},{math.cos(a)},0,0,{math.sin(a)}" for k, a in enumerate(halves)]
+    (tmp_path / "a.csv").write_text("\n".join(["time_s,qw,qx,qy,qz", *rows]))
+    for words in (("replay", "a.csv", "--dry-run"), ("plot", "a.csv", "-o", "a.svg")):
+        answer = run(script, *words, cwd=tmp_path)
+        assert answer.returncode == 0, answer.stderr
+    assert (tmp_path / "a.svg").exists()
 
 
 def test_the_script_is_that_of_the_wheel_and_not_of_the_source_tree(script, tmp_path):
