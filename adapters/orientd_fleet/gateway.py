@@ -53,12 +53,19 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 30.0
 class Gateway:
     """One daemon's place in its cell; a context manager."""
 
-    def __init__(self, settings: MemberSettings, socket: Path) -> None:
+    def __init__(
+        self,
+        settings: MemberSettings,
+        socket: Path,
+        *,
+        on_start: Callable[[], object] = lambda: None,
+    ) -> None:
         """Join the cell, for which a client of a router waits until there is the router.
 
         Args:
             settings: of the daemon.
             socket: its control socket.
+            on_start: called in a thread when a daemon has started that was not there before.
 
         Raises:
             OrientdError: Zenoh is not installed, it cannot listen, or the settings do not suffice.
@@ -67,6 +74,7 @@ class Gateway:
         self._cell, self._name, self._period = fleet.cell, fleet.name, 1.0 / fleet.state_hz
         self._has_certificates = fleet.is_tls
         self._socket, self._address = socket, address_of(settings, socket)
+        self._on_start = on_start
         self._session = _open(member_configuration(settings))
         import zenoh
 
@@ -125,11 +133,13 @@ class Gateway:
         while not self._closing.is_set():
             try:
                 with sockets.socket(sockets.AF_UNIX) as daemon:
-                    daemon.setblocking(False)  # that one hangs must not hold up this thread
+                    daemon.setblocking(False)  # a daemon that hangs must not hold up this thread
                     daemon.connect(str(self._socket))
                     self._appear()
+                    if problem:
+                        problem = ""
+                        self._on_start()
                     self._await_end(daemon)
-                problem = ""
             except BlockingIOError:  # a daemon that hangs: it accepts no more connections
                 self._appear()
                 self._closing.wait(_LOOK)
@@ -237,7 +247,7 @@ class Gateway:
 def serve(read: Callable[[], MemberSettings], socket: Path, on_ready: Callable[[], object]) -> None:
     """Stand for the daemon at *socket* in its cell until Ctrl-C or SIGTERM.
 
-    SIGHUP has the settings and the files that they name read again.
+    SIGHUP, and every start of the daemon, has the settings and their files read again.
 
     Args:
         read: returns the daemon's settings as they are now.
@@ -254,7 +264,7 @@ def serve(read: Callable[[], MemberSettings], socket: Path, on_ready: Callable[[
         try:
             # Zenoh reads the files when it joins: they may have changed since.
             joined_with = _fingerprint(settings, socket)
-            with Gateway(settings, socket):
+            with Gateway(settings, socket, on_start=lambda: asked.put(None)):
                 if not has_joined:
                     on_ready()
                 has_joined, pause = True, _FIRST_PAUSE

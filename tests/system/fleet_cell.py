@@ -127,6 +127,10 @@ class RunningCell:
         command = ["run"] if name != "router" else ["fleet", "router"]
         return self._begin(name, name, *command)
 
+    def start_again(self, name):
+        """Start a daemon with its configuration as it is now."""
+        return self._begin(name, name, "run")
+
     def start_gateway(self, name):
         """Start the gateway of a daemon, which need not run yet."""
         return self._begin(gateway_of(name), name, "fleet", "serve")

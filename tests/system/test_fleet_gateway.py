@@ -93,6 +93,25 @@ def test_a_daemon_without_a_gateway_is_complete_and_a_late_one_finds_it(cell, ro
         assert fleet.daemons == ["arm-1"]
 
 
+def test_a_restart_of_the_daemon_has_the_settings_read_again(cell):
+    cell.end("arm-1")
+    config = cell.folder / "arm-1.toml"
+    cell.start("arm-1")
+    cell.await_ready("arm-1")
+    until(lambda: "fleet: reload: nothing has changed" in cell.log(GATEWAY), "the log")
+    before = config.read_text()
+    config.write_text(before.replace("[fleet]", "[fleet]\nstate_hz = 5.0"))
+    try:
+        cell.end("arm-1")
+        cell.start_again("arm-1")
+        cell.await_ready("arm-1")
+        until(lambda: "fleet: reload: joins the cell again" in cell.log(GATEWAY), "the log")
+        with cell.fleet() as fleet:
+            assert fleet.daemons == ["arm-1"]
+    finally:
+        config.write_text(before)
+
+
 def test_a_gateway_waits_for_its_daemon(cell):
     cell.end(GATEWAY)
     cell.end("arm-1")

@@ -80,6 +80,17 @@ def test_nothing_is_asked_of_a_daemon_that_is_not_watched(daemon, monkeypatch):
         assert not asked.wait(0.5)
 
 
+def test_a_daemon_that_starts_is_reported_if_it_was_not_there_before(daemon):
+    given, started = settings(daemon.parent), threading.Event()
+    other = daemon.with_name("other.sock")
+    with gateway.Gateway(given, daemon, on_start=started.set):
+        assert not started.wait(0.5)
+    with gateway.Gateway(given, other, on_start=started.set):
+        assert not started.wait(0.5)
+        daemon.rename(other)
+        assert started.wait(10.0)
+
+
 @pytest.fixture
 def full(daemon):
     """A daemon that hangs, to which as many clients have come as the kernel lets wait."""
