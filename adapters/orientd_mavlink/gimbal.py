@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
@@ -15,6 +14,7 @@ from orientd.floats import difference, norm
 from orientd.protocol import to_quaternion, to_vector
 from orientd_mavlink.ranges import Ranges
 from orientd_mavlink.setpoint import RETRACT, STEP, Setpoint, Wish
+from orientd_serving.denials import Denials
 from orientd_serving.served import Served, named
 
 _POSES = 60
@@ -44,9 +44,6 @@ _PATIENCE = 1.5
 _USUAL = 0.2
 """Weight of the last gap between two messages of a stream in the usual one."""
 
-_DENIALS = 5
-"""Most warnings of requests that are denied in a second."""
-
 _NO_HEADING = (
     "a yaw from north is denied: the heading is unknown; set --north, or let the autopilot send "
     "AUTOPILOT_STATE_FOR_GIMBAL_DEVICE"
@@ -65,6 +62,7 @@ class Gimbal:
         setpoint: of the gimbal.
         ranges: of its angles and rates; it announces them and keeps them.
         knows_north: whether the heading of the base is known.
+        deny: warns of a request that is denied.
         problem: the error because of which the device does not move; empty if there is none.
     """
 
@@ -92,14 +90,13 @@ class Gimbal:
             acceleration=0.5 * limits.acceleration,
         )
         self.knows_north, self.problem, self._told = north is not None, "", ""
-        self._served, self._warn = served, warn
+        self._served, self._warn, self.deny = served, warn, Denials(warn)
         self._threads = ThreadPoolExecutor(1, "orientd mavlink")
         self._job: Future[object] | None = None
         self._done: Done | None = None
         self._is_tracking = self._is_turned = False
         self._done_by = self._asked = self._turns_until = self._renewal = -math.inf
         self._gap, self._streamed = 0.0, -math.inf
-        self._denied: deque[float] = deque(maxlen=_DENIALS)
         self._ticked = math.inf
 
     @property
@@ -132,13 +129,6 @@ class Gimbal:
         if problem:
             self.deny(problem)
         return not problem
-
-    def deny(self, problem: str) -> None:
-        """Warn of a request that is denied, at most a few times a second."""
-        now = time.monotonic()
-        if len(self._denied) < _DENIALS or now > self._denied[0] + 1.0:
-            self._denied.append(now)
-            self._tell(problem)
 
     def plan(self, wish: Wish, done: Done) -> None:
         """Move to the requested angles in one motion, which is planned as a whole.

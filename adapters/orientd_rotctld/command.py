@@ -11,7 +11,8 @@ from orientd.cli.command import Commander, Host
 from orientd.cli.output import Output, complain
 from orientd.cli.parameters import Option, command
 from orientd_rotctld.ephemeris import from_table
-from orientd_rotctld.rotctld import Ranges, Rotctld
+from orientd_rotctld.ranges import Ranges
+from orientd_rotctld.rotctld import Rotctld
 from orientd_rotctld.sky import from_elements
 from orientd_serving.command import NORTH, pair, run
 from orientd_serving.equatorial import observer_of

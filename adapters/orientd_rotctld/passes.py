@@ -12,8 +12,10 @@ import numpy as np
 
 from orientd.client import MoveHandle
 from orientd.errors import DeadlineError, OrientdError
+from orientd_rotctld.ranges import Ranges
 from orientd_rotctld.satellite_pass import satellite_pass
 from orientd_rotctld.sky import Floats, Pass, Target, find_pass
+from orientd_serving.pointing import Direction
 from orientd_serving.served import Served
 
 _MARGIN = 1.0
@@ -43,6 +45,7 @@ class Passes:
         targets: Sequence[Target],
         *,
         north: float,
+        ranges: Ranges,
         notify: Callable[[str], None],
     ) -> None:
         """Follow no pass yet.
@@ -51,8 +54,10 @@ class Passes:
             served: the device.
             targets: the known ones.
             north: angle of north from the world's x axis, counted towards y, degrees.
+            ranges: of the directions to point at.
             notify: takes lines for people.
         """
+        self._ranges = ranges
         self._served, self._notify = served, notify
         self._north = math.remainder(north, 360.0)
         self.targets = targets
@@ -82,11 +87,28 @@ class Passes:
         found = find_pass(self.targets, now, point)
         if found is None or _key(found) in self._refused or found.end < now + _SHORTEST:
             return False
+        if problem := self._beyond(found, now):
+            self._refused.add(_key(found))
+            self._notify(f"{found.target.name}: {problem}; points at each position instead")
+            return False
         self._pass = found
         before = self._planning
         self._planning = threading.Thread(target=self._plan, args=(found, before), daemon=True)
         self._planning.start()
         return True
+
+    def _beyond(self, found: Pass, now: float) -> str:
+        """Return where a pass leaves the ranges; empty if it stays in them."""
+        x, y, z = found.target.at(found.times(max(found.start, now))).T
+        azimuth, elevation = np.degrees(np.arctan2(-y, x)), np.degrees(np.arcsin(z))
+        for east, up in zip(azimuth.tolist(), elevation.tolist(), strict=True):
+            if not self._ranges.has_form(Direction(east, up)):
+                (west, most), (low, high) = self._ranges.azimuth, self._ranges.elevation
+                return (
+                    f"the pass leaves the ranges (--azimuth {west:g}:{most:g}, --elevation "
+                    f"{low:g}:{high:g}) at azimuth {east % 360.0:.1f}, elevation {up:.1f}"
+                )
+        return ""
 
     def _is_followed(self, current: Pass) -> bool:
         """Return whether the motion along a pass continues, and in time.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from orientd.rotation import Quaternion as Named
 from orientd.stream import CHUNK_POSES
 from orientd_rotctld.passes import Passes
 from orientd_rotctld.prediction import Floats, Prediction
+from orientd_rotctld.ranges import SLACK, Ranges
 from orientd_serving.pointing import Direction, direction, orientation
 from orientd_serving.served import Served
 
@@ -49,17 +49,17 @@ class Pointer:
         asked: the newest direction that was asked for; ``None`` before the first.
     """
 
-    def __init__(self, served: Served, passes: Passes, *, north: float, tips: bool) -> None:
+    def __init__(self, served: Served, passes: Passes, *, north: float, ranges: Ranges) -> None:
         """Point a device.
 
         Args:
             served: the device.
             passes: the known ones.
             north: angle of north from the world's x axis, counted towards y, degrees.
-            tips: whether flip mode is allowed: elevations above 90 degrees.
+            ranges: of the directions to point at; they may allow flip mode.
         """
         self._served, self._passes = served, passes
-        self._north, self._tips = north, tips
+        self._north, self._ranges = north, ranges
         self._prediction = Prediction()
         self._motion: MoveHandle | None = None
         self._goal: Floats | None = None
@@ -68,7 +68,9 @@ class Pointer:
         self.asked: Direction | None = None
 
     def measured(self) -> Direction | None:
-        """Return the measured direction as in the newest question; ``None`` without feedback.
+        """Return the measured direction; ``None`` without feedback.
+
+        It is in the ranges, in the turn and the form of the newest question if that is possible.
 
         Raises:
             DaemonError: no daemon answers.
@@ -77,7 +79,7 @@ class Pointer:
         if not cycle.HasField("feedback_q"):
             return None
         found = direction(to_quaternion(cycle.feedback_q), self._north)
-        return found.in_turn_of(self.asked or Direction(180.0, 45.0))
+        return self._ranges.form(found, self.asked or Direction(180.0, 45.0), SLACK)
 
     def stop(self) -> None:
         """Stop the device on its path.
@@ -113,14 +115,11 @@ class Pointer:
         elif not (is_same and self._is_heading(wanted, _THERE)):
             self._move(wanted)
 
-    def turn(
-        self, signs: tuple[int, int], nearest: Callable[[Direction], Direction], share: float
-    ) -> None:
-        """Turn from rest at a constant rate, for at most 120 degrees.
+    def turn(self, signs: tuple[int, int], share: float) -> None:
+        """Turn from rest at a constant rate, for at most 120 degrees, to an end of the ranges.
 
         Args:
             signs: of the turn in azimuth and elevation.
-            nearest: returns the permitted direction that is nearest to another.
             share: of the velocity limit.
 
         Raises:
@@ -129,14 +128,18 @@ class Pointer:
         self._passes.leave()
         self._served.rest()
         form = self._now()
-        begin = form.in_turn_of(self.asked or form)
+        begin = self._ranges.form(form, self.asked or form, SLACK)
         stages = [
-            nearest(Direction(begin.azimuth + angle * signs[0], begin.elevation + angle * signs[1]))
+            self._ranges.nearest(
+                Direction(begin.azimuth + angle * signs[0], begin.elevation + angle * signs[1])
+            )
             for angle in _TURN
         ]
-        poses = [self._pose(self._form(vector(one), form)) for one in stages]
         self._begin()
         self.asked = stages[-1]
+        if math.dist(vector(begin), vector(stages[-1])) < _THERE:
+            return  # at the end of a range
+        poses = [self._pose(self._form(vector(one), form)) for one in dict.fromkeys(stages)]
         limits = {"velocity": share * self._served.report().limits.velocity}
         self._served.move(poses, approach=True, limits=limits)
 
@@ -186,8 +189,11 @@ class Pointer:
         back = _smooth((times - now - beyond) / _RETURN)[:, None]
         points += back * (vector(wanted) - points)
         poses: list[Named] = []
+        near = wanted
         for point in points / np.linalg.norm(points, axis=1, keepdims=True):
-            form = self._form(point, form)
+            near = self._ranges.form(_direction(point), near)
+            kept = self._ranges.nearest(near)
+            form = self._form(point if kept == near else vector(kept), form)
             poses.append(self._pose(form))
         self._motion, self._is_following = None, False
         self._served.follow(poses, float(times[0]), float(times[1] - times[0]))
@@ -196,7 +202,7 @@ class Pointer:
     def _form(self, point: Floats, near: Direction) -> Direction:
         """Return a unit vector as the direction of a tool, tipped over or not as the device is."""
         found = _direction(point)
-        if self._tips:
+        if self._ranges.tips:
             return found.in_turn_of(near)
         return found.tipped() if self._is_tipped else found
 

@@ -21,8 +21,8 @@ OK, INVALID, TIMEOUT, IO_ERROR, REJECTED, UNAVAILABLE = 0, 1, 5, 6, 9, 11
 
 LONGEST = 1024
 """Longest line, bytes."""
-TOO_LONG = b"?"
-"""Stands for a line that is longer; not a command."""
+TOO_LONG = b"?" * (LONGEST + 1)
+"""Stands for a line that is longer, of which the end is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +81,10 @@ _NAMES_NOT_SERVED = frozenset(
         "pause",
     ]
 )
+_SHOWN = 40
+"""Most characters of a line that a message shows."""
+_UNSERVED = "not served: a device has no levels, functions or parameters"
+_UNKNOWN = f"unknown command, expected one of {', '.join(KINDS).replace(chr(0x8F), 'dump_state')}"
 _WORD = re.compile(r"\\(\w*)|(.)", re.ASCII | re.DOTALL)
 
 
@@ -93,12 +97,14 @@ class Command:
         arguments: the words that follow.
         separator: between the parts of an extended answer; empty for a plain answer.
         error: code of a bad command.
+        problem: what is wrong with a bad command, in one line.
     """
 
     kind: Kind | None
     arguments: tuple[str, ...] = ()
     separator: str = ""
     error: int = OK
+    problem: str = ""
 
 
 def commands(line: bytes) -> Iterator[Command]:
@@ -109,6 +115,10 @@ def commands(line: bytes) -> Iterator[Command]:
     >>> next(commands(b"\\set_pos 10\n")).error
     1
     """
+    if len(line) > LONGEST:
+        problem = f"a line of more than {LONGEST} bytes; end each command with a line feed"
+        yield Command(None, error=INVALID, problem=problem)
+        return
     text = line.decode("latin-1").rstrip("\r\n\0 \t")
     place = 0
     while True:
@@ -123,18 +133,27 @@ def commands(line: bytes) -> Iterator[Command]:
             separator, place = text[place], place + 1
         word = _WORD.match(text, place)
         if word is None:
-            yield Command(None, separator=separator, error=INVALID)
+            problem = f"expected a command after {text[:_SHOWN]!r}"
+            yield Command(None, separator=separator, error=INVALID, problem=problem)
             return
         name, letter = word.groups()
         kind = _NAMED.get(name) if letter is None else KINDS.get(letter.replace("Q", "q"))
         if kind is None:
             known = name in _NAMES_NOT_SERVED or letter in _NOT_SERVED
-            yield Command(None, separator=separator, error=UNAVAILABLE if known else INVALID)
+            problem = _UNSERVED if known else _UNKNOWN
+            yield Command(
+                None,
+                separator=separator,
+                error=UNAVAILABLE if known else INVALID,
+                problem=f"{word.group()[:_SHOWN]!r}: {problem}",
+            )
             return
         words = text[word.end() :].split(None, kind.arguments)
         given = tuple(words[: kind.arguments])
         if len(given) < kind.arguments:
-            yield Command(None, given, separator, INVALID)
+            expected = f"expected {kind.arguments} values, got {len(given)}"
+            problem = f"{kind.name}: {expected}; give them in the line of the command"
+            yield Command(None, given, separator, INVALID, problem)
             return
         yield Command(kind, given, separator)
         rest = words[kind.arguments] if len(words) > kind.arguments else ""
@@ -147,9 +166,12 @@ def number(word: str) -> float:
     Raises:
         ValueError: it is none, or not finite.
     """
-    found = float(word.replace(",", ".", 1)) if "_" not in word else math.nan
+    try:
+        found = float(word.replace(",", ".", 1)) if "_" not in word else math.nan
+    except ValueError:
+        found = math.nan
     if not math.isfinite(found):
-        raise ValueError(f"expected a number, got {word!r}")
+        raise ValueError(f"expected a number as in 12.5, got {word[:_SHOWN]!r}")
     return found
 
 

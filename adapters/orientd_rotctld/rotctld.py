@@ -6,7 +6,6 @@ import contextlib
 import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import orientd
 from orientd.errors import DaemonError, DeviceError, OrientdError
@@ -15,8 +14,10 @@ from orientd.protocol import control_pb2 as pb
 from orientd_rotctld import rotctl_protocol as protocol
 from orientd_rotctld.passes import Passes
 from orientd_rotctld.pointer import Pointer
+from orientd_rotctld.ranges import Ranges
 from orientd_rotctld.rotctl_protocol import Command
 from orientd_rotctld.sky import Target
+from orientd_serving.denials import Denials
 from orientd_serving.pointing import Direction
 from orientd_serving.served import Served
 
@@ -39,30 +40,6 @@ _CODES |= {name.replace("LEFT", "CCW").replace("RIGHT", "CW"): name for name in 
 _PARK = Direction(0.0, 0.0)
 _UNCHANGED = -1.0
 """The speed that stands for the present one."""
-
-
-@dataclass(frozen=True, slots=True)
-class Ranges:
-    """The directions that a client may ask for.
-
-    Attributes:
-        azimuth: the least and the largest, degrees.
-        elevation: the least and the largest, degrees.
-    """
-
-    azimuth: tuple[float, float]
-    elevation: tuple[float, float]
-
-    def nearest(self, wanted: Direction) -> Direction:
-        """Return the direction in the ranges that is nearest to *wanted*."""
-        return Direction(
-            min(max(wanted.azimuth, self.azimuth[0]), self.azimuth[1]),
-            min(max(wanted.elevation, self.elevation[0]), self.elevation[1]),
-        )
-
-    def has(self, wanted: Direction) -> bool:
-        """Return whether a direction is among them."""
-        return self.nearest(wanted) == wanted
 
 
 class Rotctld:
@@ -98,10 +75,9 @@ class Rotctld:
             DaemonError: the port is in use, or the address is not one of this machine.
         """
         self._served, self._ranges, self._notify = served, ranges, notify
-        self._passes = Passes(served, targets, north=north, notify=notify)
-        tips = ranges.elevation[1] > 90.0
-        self._pointer = Pointer(served, self._passes, north=north, tips=tips)
-        self._refusal = ""
+        self._passes = Passes(served, targets, north=north, ranges=ranges, notify=notify)
+        self._pointer = Pointer(served, self._passes, north=north, ranges=ranges)
+        self._deny = Denials(notify)
         listening = own_socket(host, port)
         self._listener = ClientListener(listening)
         host, port = listening.getsockname()[:2]
@@ -152,22 +128,23 @@ class Rotctld:
 
     def _answer(self, command: Command) -> str:
         if command.kind is None or command.kind.name not in self._do:
+            self._deny(command.problem)
             return protocol.failed(command, command.error or protocol.UNAVAILABLE)
+        shown = " ".join((command.kind.name, *command.arguments))
         try:
             return protocol.answered(command, self._do[command.kind.name](command))
-        except ValueError:
+        except ValueError as error:
+            self._deny(f"{shown}: {error}")
             return protocol.failed(command, protocol.INVALID)
         except OrientdError as error:
-            if str(error) != self._refusal:
-                self._refusal = str(error)
-                self._notify(f"{command.kind.name} was refused: {error}")
+            self._deny(f"{command.kind.name} was refused: {error}")
             is_lost = isinstance(error, DaemonError | DeviceError)
             return protocol.failed(command, protocol.IO_ERROR if is_lost else protocol.REJECTED)
 
     def _set_position(self, command: Command) -> None:
         wanted = Direction(*map(protocol.number, command.arguments))
-        if not self._ranges.has(wanted):
-            raise ValueError(f"expected a direction in {self._ranges}, got {wanted}")
+        if problem := self._ranges.problem(wanted):
+            raise ValueError(problem)
         with self._served.lock:
             self._pointer.go(wanted, max(map(protocol.rounding, command.arguments)))
 
@@ -185,7 +162,7 @@ class Rotctld:
     def _go_to_park(self, command: Command) -> None:
         del command
         with self._served.lock:
-            self._pointer.go(_PARK)
+            self._pointer.go(self._ranges.nearest(self._ranges.form(_PARK, _PARK)))
 
     def _reset(self, command: Command) -> None:
         protocol.number(command.arguments[0])
@@ -196,11 +173,16 @@ class Rotctld:
         """Turn in a direction, at a percentage of the velocity limit, until a stop."""
         word, percent = command.arguments[0], protocol.number(command.arguments[1])
         signs = _DIRECTIONS.get(word) or _DIRECTIONS.get(_CODES.get(word, ""))
-        if signs is None or not (1.0 <= percent <= 100.0 or percent == _UNCHANGED):
-            raise ValueError(f"expected a direction and 1 to 100, got {command.arguments}")
+        if signs is None:
+            known = ", ".join(_DIRECTIONS)
+            raise ValueError(f"expected a direction, one of {known}, or its number, got {word!r}")
+        if not (1.0 <= percent <= 100.0 or percent == _UNCHANGED):
+            raise ValueError(
+                f"expected a speed from 1 to 100 percent, or -1 for no change, got {percent:g}"
+            )
         share = 1.0 if percent == _UNCHANGED else 0.01 * percent
         with self._served.lock:
-            self._pointer.turn(signs, self._ranges.nearest, share)
+            self._pointer.turn(signs, share)
 
     def _status(self, command: Command) -> Mapping[str, str]:
         del command

@@ -1,5 +1,6 @@
 """The shared part of servers of one device, for programs of other systems.
 
 For these servers: ``served`` (the device behind them), ``pointing`` and ``equatorial``
-(directions), and ``command`` (the group `orientd serve` and the options of its commands).
+(directions), ``denials`` (warnings of wrong requests), and ``command`` (the group `orientd serve`
+and the options of its commands).
 """

@@ -17,6 +17,7 @@ from orientd.stream import Command, Sample, ServoLimits, ServoState
 from orientd_dynamixel import DynamixelDriver
 from orientd_rotctld import pointer as pointer_module
 from orientd_rotctld.pointer import Pointer
+from orientd_rotctld.ranges import Ranges
 from orientd_serving.pointing import Direction
 
 PERIOD = 0.05
@@ -101,7 +102,8 @@ class Rotator:
             Angles from the target, rad, shape ``(n,)``, and joints, degrees, shape ``(n, 2)``.
         """
         passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
-        pointer = Pointer(self, passes, north=0.0, tips=tips)
+        ranges = Ranges((-180.0, 540.0), (-90.0, 180.0 if tips else 90.0))
+        pointer = Pointer(self, passes, north=0.0, ranges=ranges)
         every = round(1.0 / PERIOD)
         q, joints = [], []
         clock = SimpleNamespace(monotonic=lambda: self.now)

@@ -12,10 +12,12 @@ from orientd.errors import DeadlineError, PlanError
 from orientd.protocol import control_pb2 as pb
 from orientd_rotctld.passes import Passes
 from orientd_rotctld.pointer import Pointer
+from orientd_rotctld.ranges import Ranges
 from orientd_rotctld.sky import Target
 from orientd_serving.pointing import Direction
 
 POINT = np.array([1.0, 0.0, 0.0])
+RANGES = Ranges((-180.0, 540.0), (-90.0, 90.0))
 
 
 def nothing():
@@ -56,7 +58,7 @@ def asked_twice(error, rise):
         return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
 
     served = Refusing(error)
-    passes = Passes(served, [Target("one", at)], north=0.0, notify=lambda _: None)
+    passes = Passes(served, [Target("one", at)], north=0.0, ranges=RANGES, notify=lambda _: None)
     for _ in range(2):
         passes.takes(POINT, nothing)
         planning = passes._planning
@@ -86,8 +88,8 @@ def pointer_of(served, rise, notify=lambda _: None):
         height[times > begin + 100.0] = -0.1
         return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
 
-    passes = Passes(served, [Target("one", at)], north=0.0, notify=notify)
-    return Pointer(served, passes, north=0.0, tips=False), passes
+    passes = Passes(served, [Target("one", at)], north=0.0, ranges=RANGES, notify=notify)
+    return Pointer(served, passes, north=0.0, ranges=RANGES), passes
 
 
 def test_a_position_is_pointed_at_if_its_pass_cannot_be_planned():
@@ -215,3 +217,21 @@ def test_what_a_pass_loses_counts_from_what_was_asked(rise, least):
     lost = served.start - passes._pass.start
     assert lost >= least
     assert f"off target for {lost:.1f} s" in line
+
+
+def test_a_pass_that_leaves_the_ranges_is_not_planned():
+    """The position itself is in the ranges, and is pointed at."""
+    served, lines = Refusing(PlanError("no plan was asked for")), []
+
+    def at(times):
+        height = 0.02 * (np.asarray(times) - time.time())
+        return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
+
+    low = Ranges((-180.0, 540.0), (0.0, 40.0))
+    passes = Passes(served, [Target("one", at)], north=0.0, ranges=low, notify=lines.append)
+    for _ in range(3):
+        assert not passes.takes(POINT, nothing)
+    assert served.asked == 0
+    (line,) = lines
+    assert line.startswith("one: the pass leaves the ranges (--azimuth -180:540, --elevation 0:40)")
+    assert line.endswith("; points at each position instead")

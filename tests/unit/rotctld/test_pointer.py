@@ -5,8 +5,10 @@ from types import SimpleNamespace
 import pytest
 
 from orientd.protocol import control_pb2 as pb
+from orientd_rotctld import pointer as pointer_module
 from orientd_rotctld.pointer import Pointer
-from orientd_serving.pointing import Direction, orientation
+from orientd_rotctld.ranges import Ranges
+from orientd_serving.pointing import Direction, direction, orientation
 
 
 class Device:
@@ -37,7 +39,7 @@ class Device:
 def test_a_position_is_reached_again_after_a_stop_shortly_before_it(short):
     device = Device()
     passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
-    pointer = Pointer(device, passes, north=0.0, tips=False)
+    pointer = Pointer(device, passes, north=0.0, ranges=Ranges((-180.0, 540.0), (-90.0, 90.0)))
     pointer.go(Direction(40.0, 20.0))
     pointer.go(Direction(40.0, 20.0))
     assert device.moves == 1
@@ -47,3 +49,33 @@ def test_a_position_is_reached_again_after_a_stop_shortly_before_it(short):
     assert device.moves == 2
     pointer.go(Direction(40.0, 20.0))
     assert device.moves == 2
+
+
+@pytest.mark.parametrize(
+    ("ranges", "path", "end"),
+    [
+        (Ranges((-180.0, 540.0), (0.0, 90.0)), [(100.0, 14.0 - 2.0 * k) for k in range(8)], 1),
+        (Ranges((0.0, 200.0), (0.0, 90.0)), [(186.0 + 2.0 * k, 30.0) for k in range(8)], 0),
+    ],
+)
+def test_a_predicted_path_ends_at_the_end_of_a_range(monkeypatch, ranges, path, end):
+    """A program sends positions up to the end, and the target goes on."""
+    device = Device()
+    sent = []
+    device.follow = lambda poses, *_: sent.extend(poses)
+    clock = SimpleNamespace(now=100.0)
+    clock.monotonic = lambda: clock.now
+    monkeypatch.setattr(pointer_module, "time", clock)
+    passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
+    pointer = Pointer(device, passes, north=0.0, ranges=ranges)
+    for azimuth, elevation in path:
+        device.place(Direction(azimuth, elevation))
+        pointer.go(Direction(azimuth, elevation))
+        clock.now += 1.0
+    assert len(sent) > 100
+    aims = [direction((one.w, one.x, one.y, one.z)) for one in sent]
+    for aim in aims:
+        near = ranges.nearest(aim)
+        assert (aim.azimuth, aim.elevation) == pytest.approx((near.azimuth, near.elevation))
+    reached = [(aim.azimuth, aim.elevation)[end] for aim in aims]
+    assert path[-1][end] in [pytest.approx(one) for one in reached]
