@@ -25,8 +25,8 @@ from orientd.errors import OrientdError
 from orientd.own_socket import MOST_CLIENTS, is_loopback, is_own_page, own_socket
 
 FRAMES_HZ = 30.0
-MOST_BYTES = 8 * 2**20
-"""The largest request; a motion file is one."""
+MOST_BYTES = 2**16
+"""The largest request."""
 
 URGENT = ("stop", "halt")
 """Requests that are always answered: with ``answered``, and ``refused`` if they failed."""
@@ -45,8 +45,8 @@ class Source(Protocol):
     def picture(self, seen: dict[str, Any]) -> dict[str, Any]:
         """Return everything that the page shows, by name; *seen* is the state of one browser."""
 
-    def do(self, request: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Carry out a request; return the answer for that browser alone, if any.
+    def do(self, request: Mapping[str, Any]) -> None:
+        """Carry out a request.
 
         Raises:
             OrientdError: it was refused.
@@ -140,16 +140,17 @@ class PageServer:
             worker: Executor | None = self._stoppers if request["do"] in URGENT else None
         except (ValueError, KeyError, TypeError):
             return
+        answer: dict[str, str] = {}
         try:
-            answer = await self._loop.run_in_executor(worker, self._source.do, request)
+            await self._loop.run_in_executor(worker, self._source.do, request)
         except OrientdError as error:
-            answer = {"refused": str(error)}
+            answer["refused"] = str(error)
         except (KeyError, TypeError, ValueError):
-            answer = {"refused": "the request makes no sense"}
+            answer["refused"] = "the request makes no sense"
         if worker is not None:
             # A page that hears nothing says so: silence never counts as stopped.
-            answer = {**(answer or {}), "answered": request["do"]}
-        if answer is not None:
+            answer["answered"] = request["do"]
+        if answer:
             await connection.send(json.dumps(answer))
 
 

@@ -2,12 +2,11 @@
 
 A line is a kind and two texts.  ``current`` lines are hidden once they are old.  ``row`` lines are
 a name and a value, and ``age`` lines are rows that are hidden once they are old.  ``alert`` lines
-stand out, and ``note`` lines have one text.
+stand out.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -132,37 +131,3 @@ def _orientation(name: str, q: Sequence[float]) -> list[Line]:
         orientation(q).replace(" +", "\N{NO-BREAK SPACE}+").replace(" -", "\N{NO-BREAK SPACE}-")
     )
     return [("row", name, numbers), ("row", "", angles)]
-
-
-def certificate(of: pb.Certificate) -> list[Line]:
-    """Return what a motion promises."""
-    usual = min(of.usual_stop_time or of.stop_time, of.stop_time)
-    rows = [
-        ("Duration", f"{of.duration:.2f} s"),
-        ("Lead-in", f"{of.lead_in:.2f} s"),
-        ("Lead-out", f"{of.lead_out:.2f} s"),
-        ("Velocity", peak(of.peak_velocity, "rad/s")),
-        ("Acceleration", peak(of.peak_acceleration, "rad/s²")),
-        ("Jerk", peak(of.peak_jerk, "rad/s³")),
-    ]
-    if of.peak_linear_velocity.value > 0.0:
-        rows.append(("Linear velocity", peak(of.peak_linear_velocity, "m/s")))
-        rows.append(("Linear accel.", peak(of.peak_linear_acceleration, "m/s²")))
-    rows.append(("A stop takes", f"about {usual:.2f} s, at most {of.stop_time:.2f} s"))
-    for figure in of.figures:
-        if figure.name.startswith("keep-out "):
-            rows.append((figure.name, f"{math.degrees(figure.value):.3g}° clear"))
-            continue
-        against = f" of {figure.limit:.3g}" if figure.HasField("limit") else ""
-        rows.append((figure.name, f"{figure.value:.3g}{against} {figure.unit}"))
-    return [("row", *row) for row in rows] + [("note", note, "") for note in of.notes]
-
-
-def peak(measured: pb.Peak, unit: str) -> str:
-    """Return a largest value against its limit.
-
-    >>> peak(pb.Peak(value=1.5, time=0.25, limit=2.5), "rad/s")
-    '1.5 of 2.5 rad/s (60 %)'
-    """
-    share = 100.0 * measured.value / measured.limit
-    return f"{measured.value:.3g} of {measured.limit:.3g} {unit} ({share:.0f} %)"

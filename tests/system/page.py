@@ -36,9 +36,8 @@ class Page:
 
     @property
     def lines(self):
-        """What the head of the page and the proposal say, a text for each line."""
-        lines = [*self.told.get("status", ()), *self.told.get("proposal", {}).get("lines", ())]
-        return [" ".join(line[1:]) for line in lines]
+        """What the head of the page says, a text for each line."""
+        return [" ".join(line[1:]) for line in self.told.get("status", ())]
 
     def says(self, text):
         return any(text in line for line in self.lines)
@@ -55,14 +54,6 @@ class Page:
     def shown(self):
         """The controls that are there only at times."""
         return set(self.told["control"]["shown"])
-
-    @property
-    def taken(self):
-        """The keyframes that were taken by hand, as the page lists them."""
-        return self.told["control"]["labels"]["taken"]
-
-    def await_taken(self, text):
-        self.until(lambda page: text in page.taken, text)
 
     def await_refusal(self, text):
         self.until(lambda page: any(text in one.get("refused", "") for one in page.answers), text)

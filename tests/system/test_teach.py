@@ -286,40 +286,6 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
         assert_passes(sent, exp(truth[3:]), truth[:3])
 
 
-def test_a_page_teaches_and_the_arm_holds_when_the_lease_is_given_back(arm):
-    pytest.importorskip("websockets")
-    from browser import view_of
-    from page import page_at
-
-    emulated, daemon = arm
-    with view_of(daemon.socket) as view, page_at(view.address) as page:
-        page.await_line("Holding")
-        page.ask("take", name="")
-        page.await_refusal("let the device go first")
-        page.ask("lease")
-        page.await_line("held by this view")
-        page.ask("hand")
-        page.await_line("Free")
-        joints = np.add(emulated.state()["actual_q"], [0, 0, 0, 0.1, 0, 0])
-        page.ask("take", name="here & now")
-        page.await_taken("1. 0.00 s here & now")
-        emulated.ask("push " + " ".join(map(repr, joints.tolist())) + " 0.3")
-        emulated.wait_until(lambda state: np.allclose(state["actual_q"], joints, atol=1e-9))
-        page.ask("take", name="")
-        page.await_taken("; 2. ")
-        page.ask("remove")
-        page.until(lambda page: "; 2. " not in page.taken, "a keyframe less")
-        page.ask("lease")
-        page.await_line("Holding")
-        page.ask("download", name="seen")
-        name, content = page.until(
-            lambda page: [one["download"] for one in page.answers if "download" in one], "a file"
-        )[0]
-    found = motion_file.loads(content.encode(), name)
-    assert (found.name, name) == ("seen", "seen.yaml")
-    assert [one.name for one in found.keyframes] == ["here & now"]
-
-
 def test_an_arm_is_held_again_when_whoever_taught_it_is_killed(arm, teach, tmp_path):
     _, daemon = arm
 

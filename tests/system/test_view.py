@@ -16,10 +16,6 @@ from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("websockets")
 
-TURN = (
-    "keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\napproach: true\n"
-)
-
 
 @pytest.fixture(scope="module")
 def view(daemon):
@@ -123,114 +119,55 @@ def test_a_page_is_told_that_a_servo_does_not_answer_a_stop(daemon, page, kind):
     page.await_line("Holding")
 
 
-def test_a_page_shows_a_motion_before_it_is_sent(daemon, page):
-    before = daemon.device().motion_number
-    page.ask("file", name="turn.yaml", content=TURN)
-    page.await_line("Not sent yet")
-    assert page.says("A stop takes")
-    assert page.told["proposal"]["path"]["q"]
-    assert daemon.device().motion_number == before
-    page.ask("send")
-    page.await_refusal("take the lease first")
+@contextlib.contextmanager
+def moving_with_the_lease_of(page, daemon):
+    """A motion of another program that shares the lease of a page, given back in the end."""
     page.ask("lease")
     page.await_line("held by this view")
-    page.ask("send")
-    page.await_line("was run to its end")
-    assert daemon.device().motion_number == before + 1
-    page.ask("lease")
-    page.await_line("Lease free")
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ("", "turn.yaml: the file is empty"),
-        ("keyframes: []\nmethd: x\n", "unknown key"),
-        (TURN + "limits: {velocity: 100}\n", "limits.velocity"),
-    ],
-)
-def test_what_is_wrong_with_a_file_is_said_and_nothing_can_be_sent(page, content, said):
-    page.ask("file", name="turn.yaml", content=TURN)
-    page.await_line("Not sent yet")
-    page.ask("file", name="turn.yaml", content=content)
-    page.await_line("Refused")
-    page.await_line(said)
-    assert "send" not in page.told["control"]["shown"]
-    page.ask("discard")
-    page.until(lambda page: not page.told["proposal"]["lines"], "an empty proposal")
-
-
-def test_a_motion_that_the_device_has_moved_away_from_is_refused(daemon, page):
-    page.ask("file", name="turn.yaml", content=TURN)
-    page.await_line("Not sent yet")
     with connect(daemon.socket, holder="ana") as robot:
-        robot.move([{"rotation_vector": [0.0, 0.3, 0.0]}]).wait()
-    page.ask("lease")
-    page.await_line("held by this view")
-    page.ask("send")
-    page.await_refusal("plan it again")
-    page.ask("lease")
-    page.await_line("Lease free")
-    page.ask("discard")
-    page.until(lambda page: not page.shown, "nothing to discard")
-
-
-def test_pause_speed_and_resume_need_the_lease(daemon, page):
-    page.ask("pause")
-    page.await_refusal("take the lease first")
-    page.ask("lease")
-    page.await_line("held by this view")
-    page.ask("file", name="turn.yaml", content=TURN + "duration: 5\n")
-    page.await_line("Not sent yet")
-    page.ask("send")
-    page.await_line("Moving")
-    page.ask("speed", percent=50)
-    page.await_line("at 50 % speed")
-    page.ask("pause")
-    page.await_line("Paused")
-    page.ask("pause")
-    page.await_line("Moving")
-    page.ask("speed", percent=100)
-    page.ask("stop")
+        robot.acquire_lease(beside=True)
+        robot.turn([0.0, 0.0, 0.2], 60.0)
+        page.await_line("Moving")
+        yield
     page.await_line("Holding")
     page.ask("lease")
     page.await_line("Lease free")
 
 
+def test_pause_speed_and_resume_need_the_lease(daemon, page):
+    page.ask("pause")
+    page.await_refusal("take the lease first")
+    with moving_with_the_lease_of(page, daemon):
+        page.ask("speed", percent=50)
+        page.await_line("at 50 % speed")
+        page.ask("pause")
+        page.await_line("Paused")
+        page.ask("pause")
+        page.await_line("Moving")
+        page.ask("speed", percent=100)
+        page.until(lambda page: page.told["control"]["speed"] == 100, "the speed on the page")
+        page.ask("stop")
+        page.await_line("Holding")
+
+
 def test_buttons_can_be_pressed_if_the_state_allows_what_they_do(daemon, page):
     page.await_line("Lease free")
-    page.ask("discard")
-    page.until(lambda page: not page.shown, "nothing to discard")
-    assert page.enabled == {"lease", "file"}
+    assert (page.enabled, page.shown) == ({"lease"}, set())
     assert page.told["control"]["labels"]["lease"] == "Take the lease"
-    page.ask("lease")
-    page.await_line("held by this view")
-    assert page.enabled == {"lease", "file", "speed", "hand"}
-    assert page.told["control"]["labels"]["lease"] == "Give the lease back"
-    page.ask("file", name="turn.yaml", content=TURN + "duration: 30\n")
-    page.await_line("Not sent yet")
-    assert (page.enabled, page.shown) == (
-        {"lease", "file", "speed", "hand", "send"},
-        {"send", "discard"},
-    )
-    page.ask("send")
-    page.await_line("Moving")
-    assert page.enabled == {"lease", "file", "speed", "pause"}
-    assert page.told["control"]["labels"]["pause"] == "Ⅱ Pause"
-    page.ask("pause")
-    page.await_line("Paused")
-    assert page.told["control"]["labels"]["pause"] == "▶ Resume"
-    page.ask("speed", percent=70)
-    page.until(lambda page: page.told["control"]["speed"] == 70, "the speed on the page")
-    page.ask("stop")
-    page.await_line("was stopped on its path")
-    page.ask("speed", percent=100)
-    page.until(lambda page: page.told["control"]["speed"] == 100, "the speed on the page")
-    page.ask("lease")
-    page.await_line("Lease free")
-    assert page.shown == {"discard"}
-    page.ask("discard")
-    page.until(lambda page: not page.shown, "nothing to discard")
+    with moving_with_the_lease_of(page, daemon):
+        assert page.enabled == {"lease", "speed", "pause"}
+        assert page.told["control"]["labels"]["lease"] == "Give the lease back"
+        assert page.told["control"]["labels"]["pause"] == "Ⅱ Pause"
+        page.ask("pause")
+        page.await_line("Paused")
+        assert page.told["control"]["labels"]["pause"] == "▶ Resume"
+        page.ask("speed", percent=70)
+        page.until(lambda page: page.told["control"]["speed"] == 70, "the speed on the page")
+        page.ask("stop")
+        page.await_line("Holding")
+        assert page.enabled == {"lease", "speed"}
+        page.ask("speed", percent=100)
+        page.until(lambda page: page.told["control"]["speed"] == 100, "the speed on the page")
 
 
 def test_the_lease_is_given_back_once_no_page_is_open(daemon, view):

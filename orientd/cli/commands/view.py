@@ -37,7 +37,8 @@ def view(
     """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
 
     Prints a line that begins with "ready" and contains the address. Everyone who can open the page
-    can stop devices.  Users who take the lease there can also move them.
+    can stop devices.  Users who take the lease there can also pause, slow down and reset
+    them.
     """
     need_extra("view")
     from orientd.own_socket import is_loopback

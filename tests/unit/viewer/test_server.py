@@ -34,7 +34,6 @@ class Source:
         if request["do"] == "forbidden":
             raise LeaseError("take the lease first")
         self.done.append(request["do"])
-        return {"done": request["do"]}
 
 
 @pytest.fixture
@@ -82,7 +81,8 @@ def test_a_stop_waits_for_no_other_request(server, source):
         for _ in range(20):
             connection.send('{"do": "wait"}')
         connection.send('{"do": "stop"}')
-        assert hear(connection, "done") == "stop"
+        assert hear(connection, "answered") == "stop"
+        assert source.done == ["stop"]
 
 
 def test_a_refusal_is_told_and_nonsense_changes_nothing(server, source):

@@ -114,34 +114,3 @@ def test_a_pause_is_not_shown_as_a_motion():
     moving = changed(DEVICE, state=pb.STATE_STREAMING)
     assert words.state(moving)[0] == "▶ Moving"
     assert words.state(changed(moving, is_paused=True))[0] == "Ⅱ Paused"
-
-
-def test_a_certificate_is_shown_with_its_limits_stops_and_notes():
-    certificate = pb.Certificate(
-        duration=3.25, lead_in=0.5, lead_out=0.25, stop_time=0.875, usual_stop_time=0.5,
-        peak_velocity=pb.Peak(value=1.5, limit=2.5), peak_acceleration=pb.Peak(value=4, limit=8),
-        peak_jerk=pb.Peak(value=100, limit=400), notes=["scaled to norm 1"],
-        figures=[
-            pb.Figure(name="yaw", value=1.25, limit=2.0, unit="rad/s"),
-            pb.Figure(name="reserve", value=0.125, unit="rad"),
-        ],
-    )  # fmt: skip
-    lines = words.certificate(certificate)
-    assert lines[-1] == ("note", "scaled to norm 1", "")
-    rows = {name: value for kind, name, value in lines if kind == "row"}
-    assert rows == {
-        "Duration": "3.25 s",
-        "Lead-in": "0.50 s",
-        "Lead-out": "0.25 s",
-        "Velocity": "1.5 of 2.5 rad/s (60 %)",
-        "Acceleration": "4 of 8 rad/s² (50 %)",
-        "Jerk": "100 of 400 rad/s³ (25 %)",
-        "A stop takes": "about 0.50 s, at most 0.88 s",
-        "yaw": "1.25 of 2 rad/s",
-        "reserve": "0.125 rad",
-    }
-    certificate.peak_linear_velocity.MergeFrom(pb.Peak(value=0.1, limit=0.2))
-    certificate.peak_linear_acceleration.MergeFrom(pb.Peak(value=0.5, limit=2.0))
-    more = {name: value for _, name, value in words.certificate(certificate)}
-    assert more["Linear velocity"] == "0.1 of 0.2 m/s (50 %)"
-    assert more["Linear accel."] == "0.5 of 2 m/s² (25 %)"
