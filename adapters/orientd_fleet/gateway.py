@@ -44,7 +44,7 @@ _AGAIN = 1.0
 """Time after which something that has failed is tried again, s."""
 
 _LOOK = 0.1
-"""Interval between two looks for a daemon that is not there, s."""
+"""Least interval between two connections to the daemon, s."""
 
 _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 30.0
 """Shortest and longest time before the cell is joined again with settings that failed, s."""
@@ -129,25 +129,26 @@ class Gateway:
 
     def _keep_presence(self) -> None:
         """Be present in the cell for as long as the daemon is there."""
-        problem = ""
+        problem, has_restarted = "", False
         while not self._closing.is_set():
+            looked = time.monotonic()
             try:
                 with sockets.socket(sockets.AF_UNIX) as daemon:
                     daemon.setblocking(False)  # a daemon that hangs must not hold up this thread
                     daemon.connect(str(self._socket))
                     self._appear()
-                    if problem:
-                        problem = ""
+                    if has_restarted:
                         self._on_start()
+                    problem, has_restarted = "", True
                     self._await_end(daemon)
             except BlockingIOError:  # a daemon that hangs: it accepts no more connections
                 self._appear()
-                self._closing.wait(_LOOK)
             except OSError as error:
+                has_restarted = True
                 self._disappear()
                 if problem != (problem := error.strerror or str(error)):
                     _log.warning("fleet: waits for a daemon at %s: %s", self._socket, problem)
-                self._closing.wait(_LOOK)
+            self._closing.wait(max(0.0, looked + _LOOK - time.monotonic()))
         self._disappear()
 
     def _await_end(self, daemon: sockets.socket) -> None:
