@@ -130,9 +130,9 @@ def test_a_daemon_that_hangs_is_present_and_its_devices_stop(cell, robot):
         until(lambda: heard, "a state")
         move = robot.move(LONG)
         with hanging(cell, "arm-1"):
+            (stopped,) = fleet.stop()
             until(lambda: "fleet: no state: " in cell.log(GATEWAY), "the log")
             assert fleet.daemons == ["arm-1"]
-            (stopped,) = fleet.stop()
         assert stopped.devices[0]["state"] == "STREAMING"
         assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
         before = len(heard)
