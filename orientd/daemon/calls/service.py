@@ -131,10 +131,6 @@ class Service:
         """Report on the daemon and its devices."""
         if request.device:
             return await self._state_of([self._devices.device(request.device)])
-        return await self.present_state()
-
-    async def present_state(self) -> pb.GetStateResponse:
-        """Return the daemon and all of its devices as they are now."""
         return await self._state_of(self._devices.by_name.values())
 
     async def _state_of(self, devices: Iterable[Device]) -> pb.GetStateResponse:
