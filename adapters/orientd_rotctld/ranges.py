@@ -25,7 +25,7 @@ class Ranges:
 
     @property
     def tips(self) -> bool:
-        """Whether a device may tip over: elevations above 90 degrees."""
+        """Whether flip mode is allowed: elevations above 90 degrees."""
         return self.elevation[1] > 90.0
 
     def nearest(self, wanted: Direction) -> Direction:
