@@ -91,9 +91,7 @@ def certificate_files(
             f"--cert, --key and --ca, or the environment's {', '.join(missing)}"
         )
     paths = [Path(path).expanduser() for path in files.values() if path]
-    # A pipe can be read only once.
-    if all(path.is_file() or not path.exists() for path in paths):
-        _check_certificates(*paths)
+    _check_certificates(*paths)
     return paths
 
 
@@ -103,25 +101,13 @@ def _check_certificates(certificate: Path, key: Path, ca: Path) -> None:
     Raises:
         DaemonError: one cannot be read, or is not what it should be.
     """
-    import ssl  # connections to a Unix socket do without
+    # Connections to a Unix socket do without TLS.
+    from orientd.client.tls_files import TlsFileError, check_tls_files
 
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    for path in (certificate, key, ca):
-        _read(path)
-    for path in (certificate, ca):
-        try:
-            context.load_verify_locations(path)
-        except ssl.SSLError as error:
-            raise DaemonError(f"{path}: no certificate in it, expected PEM") from error
     try:
-        # Without a password OpenSSL would ask for one.
-        context.load_cert_chain(certificate, key, password="")
-    except ssl.SSLError as error:
-        if error.reason == "KEY_VALUES_MISMATCH":
-            problem = f"the key {key} does not belong to the certificate {certificate}"
-        else:
-            problem = f"{key}: no private key in it, expected PEM without a password"
-        raise DaemonError(problem) from error
+        check_tls_files(certificate, key, ca)
+    except TlsFileError as error:
+        raise DaemonError(str(error)) from error
     mode = stat.S_IMODE(key.stat().st_mode)
     if os.name == "posix" and mode & stat.S_IROTH:
         problem = "every user can read the private key %s (mode %o): chmod 600 it"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import os
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from itertools import count
@@ -26,6 +27,7 @@ from orientd.config.table import Table
 from orientd.errors import ConfigError, RequestError
 from orientd.files import MEBIBYTE, read_bounded
 from orientd.one_line import one_line
+from orientd.spelling import number_hint
 
 _log = logging.getLogger(__name__)
 
@@ -38,6 +40,19 @@ _EXPECTED = {
     "bool_type": "true or false",
     "string_type": "a text",
 }
+_NUMBERS = ("float_type", "int_type")
+
+_TOML_PLACE = re.compile(r"\(at line (\d+), column \d+\)")
+_TOML_HINTS = (
+    (re.compile(r"[\w.-]+\s*=\s*[-+]?\d+,\d"), "write numbers with a decimal point"),
+    (re.compile(r"[\w.-]+\s*=\s*(yes|no|on|off|True|False)\b"), "write true or false"),
+    (re.compile(r"[\w.-]+\s*=\s*[A-Za-z/~]"), "put texts in quotes"),
+    (re.compile(r"[\w.-]+\s*=\s*[-+]?\d[\d.]*\s*[A-Za-z°%]"), "write numbers without a unit"),
+    (re.compile(r"[\w.-]+:|\{"), "a configuration is TOML: KEY = VALUE below [HEADING]"),
+)
+"""Lines that are no TOML, and what to write instead."""
+_SHOWN_LINE = 60
+"""Most characters of a line that a message shows."""
 
 
 RETIRED = {
@@ -217,9 +232,21 @@ def read_table(path: Path) -> dict[str, Any]:
         return tomllib.loads(text)
     # Numbers and dates out of range are a ValueError of another kind.
     except ValueError as error:
-        raise ConfigError(f"{path}: not TOML: {error}") from error
+        problem = one_line(f"{path}: not TOML: {error}{_toml_hint(text, str(error))}")
+        raise ConfigError(problem) from error
     except RecursionError as error:
         raise ConfigError(f"{path}: not TOML: nested too deeply") from error
+
+
+def _toml_hint(text: str, problem: str) -> str:
+    """Return the line that is no TOML, and what to write instead; empty if the place is unknown."""
+    place = _TOML_PLACE.search(problem)
+    lines = text.split("\n")
+    if place is None or int(place[1]) > len(lines):
+        return ""
+    line = lines[int(place[1]) - 1].strip()
+    hint = next((f"; {hint}" for form, hint in _TOML_HINTS if form.match(line)), "")
+    return f": {line[:_SHOWN_LINE]!r}{hint}" if line else ""
 
 
 Read = TypeVar("Read", bound=Table)
@@ -266,8 +293,14 @@ def _describe(error: ValidationError) -> str:
     if kind == "missing":
         return f"{key}: missing"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"{key}: expected a table, got {came!r}"
+        hint = "; write its heading in single brackets" if isinstance(came, list) else ""
+        return f"{key}: expected a table, got {came!r}{hint}"
     if isinstance(came, float) and not math.isfinite(came):
         return f"{key}: expected a finite number, got {came!r}"
     expected = _EXPECTED.get(kind) or first["msg"].removeprefix("Input should be ")
-    return f"{key}: expected {expected}, got {came!r}"
+    hint = ""
+    if kind in _NUMBERS and isinstance(came, str):
+        hint = number_hint(came)
+    elif kind == "bool_type" and came in ("true", "false"):
+        hint = " (without quotes it would be one)"
+    return f"{key}: expected {expected}, got {came!r}{hint}"

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
 import reprlib
 from collections.abc import Mapping
 from typing import Any
 
-_WITH_UNIT = re.compile(r"[-+]?\d[\d.]*\s*(deg|rad|m|mm|cm|ms|us|s|min|h|Hz|°|%)(/s|/s\^?[23])?")
-_LONGEST_QUANTITY = 40
-"""Characters of a number with its unit."""
+from orientd.spelling import is_number, number_hint
 
 
 def to_plain(content: Any) -> Any:  # noqa: ANN401 - any value of a request
@@ -37,31 +34,14 @@ def shown(came: object) -> str:
     if came is None:
         return "nothing"
     if isinstance(came, str):
-        said = f"the text {came!r}{_hint(came)}"
+        said = f"the text {came!r}"
+        if is_number(came) and "e" in came.lower():
+            said += " (YAML takes it for a number when written with a point and a sign: 1.0e+3)"
+        else:
+            said += number_hint(came)
         return said if len(said) <= 120 else f"{said[:117]}..."
     if isinstance(came, bool):
         return "true" if came else "false"
     # YAML aliases can make a value that takes for ever to write out in full.
     said = reprlib.repr(came)
     return said if len(said) <= 60 else f"{said[:57]}..."
-
-
-def _hint(came: str) -> str:
-    """Return how a text would be a number; empty if it is far from one."""
-    if _is_number(came):
-        if "e" in came.lower():
-            return " (YAML takes it for a number when written with a point and a sign: 1.0e+3)"
-        return " (without quotes it would be a number)"
-    if _is_number(came.replace(",", ".", 1)):
-        return " (with a decimal point it would be a number)"
-    if len(came) <= _LONGEST_QUANTITY and _WITH_UNIT.fullmatch(came.strip()):
-        return " (write the number alone, without a unit)"
-    return ""
-
-
-def _is_number(came: str) -> bool:
-    try:
-        float(came)
-    except ValueError:
-        return False
-    return True

@@ -6,6 +6,7 @@ import asyncio
 import ssl
 from typing import Any
 
+from orientd.client import TlsFileError, check_tls_files
 from orientd.config import TcpSettings
 from orientd.daemon.access.identity import ClientCertificate
 from orientd.errors import ConfigError
@@ -20,6 +21,10 @@ def server_context(settings: TcpSettings) -> ssl.SSLContext:
     Raises:
         ConfigError: a file of *settings* cannot be read or does not fit.
     """
+    try:
+        check_tls_files(settings.certificate, settings.key, settings.ca, settings.crl)
+    except TlsFileError as error:
+        raise ConfigError(f"tcp.{error.name}: {error}") from error
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_3
     context.verify_mode = ssl.CERT_REQUIRED

@@ -75,9 +75,18 @@ def client_files(authority, *names):
     ("names", "problem"),
     [
         (("ana.pem", "bob.key", "ca.pem"), "the key {1} does not belong to the certificate {0}"),
-        (("ana.key", "ana.key", "ca.pem"), "{0}: no certificate in it"),
-        (("ana.pem", "ana.key", "ana.key"), "{2}: no certificate in it"),
-        (("ana.pem", "ana.pem", "ca.pem"), "{1}: no private key in it"),
+        (
+            ("ana.key", "ana.key", "ca.pem"),
+            "{0}: expected a certificate in PEM, found a private key",
+        ),
+        (
+            ("ana.pem", "ana.key", "ana.key"),
+            "{2}: expected a certificate in PEM, found a private key",
+        ),
+        (
+            ("ana.pem", "ana.pem", "ca.pem"),
+            "{1}: expected a private key in PEM, found a certificate",
+        ),
         (("ana.pem", "none", "ca.pem"), "cannot read {1}: No such file or directory"),
     ],
     ids=["another's key", "no certificate", "no CA", "no key", "no file"],
