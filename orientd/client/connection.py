@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeVar
 
 import grpc
@@ -48,7 +49,6 @@ class Connection:
     Attributes:
         way: endpoint of the daemon.
         stub: of the control service.
-        clock: the daemon's clock.
     """
 
     def __init__(self, way: Way, *, timeout: float) -> None:
@@ -66,7 +66,11 @@ class Connection:
         self._channel = way.open()
         self._is_closed = False
         self.stub: Any = control_stub(self._channel)
-        self.clock = DaemonClock(self._read_clock, is_local=not way.address)
+
+    @cached_property
+    def clock(self) -> DaemonClock:
+        """The daemon's clock."""
+        return DaemonClock(self._read_clock, is_local=not self.way.address)
 
     def close(self) -> None:
         """Close the channel, which ends every call."""

@@ -271,7 +271,7 @@ def test_a_target_that_is_none_is_told_of_and_left_out(robot):
             tracking.aim({"rotation_vector": [0, 0, 0.1], "position": [0, 0, 0]})
         tracking._outgoing.put(pb.TrackRequest(target=pb.TrackTarget(time_to_live=1.0)))
         until(lambda: tracking.report.refused == 1, "the refusal")
-        assert "norm must be 1" in tracking.report.refusal
+        assert "expected a quaternion of norm 1" in tracking.report.refusal
 
 
 def test_without_the_lease_nothing_is_followed(daemon, robot):
