@@ -35,6 +35,7 @@ from orientd.rotation import Floats, align, angle
 from orientd.tolerances import GUARD_TOLERANCE
 
 NOT_BLENDED = "not blended with the motion before"
+"""The beginning of a note of the certificate that says why a motion is not blended."""
 
 _DISTANCES = 16  # distances from the corner at which to leave and to join
 _NEAREST = 1e-2  # the least of them, as a share of the largest
