@@ -58,7 +58,7 @@ def _rows(command: Any, context: Any) -> Iterator[str]:  # noqa: ANN401 - Click'
     for parameter in command.get_params(context):
         if "--help" in parameter.opts or getattr(parameter, "hidden", False):
             continue
-        record = parameter.get_help_record(context)
+        record = getattr(parameter, "row", None) or parameter.get_help_record(context)
         if not record or not record[1].partition("[")[0].strip():
             raise ValueError(f"{context.command_path}: {parameter.name} has no help")
         yield f"| `{_cell(record[0])}` | {_cell(_plain(record[1]))} |"

@@ -53,8 +53,7 @@ class Command(click.Command):
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the arguments, then the options."""
-        said = [one for one in self.params if isinstance(one, _Said)]
-        rows = [(one.metavar or str(one.name).upper(), one.said) for one in said]
+        rows = [one.row for one in self.params if isinstance(one, _Said)]
         if rows:
             with formatter.section("Positional arguments"):
                 formatter.write_dl(rows)
@@ -71,6 +70,11 @@ class _Said(click.Argument):
     def __init__(self, *declared: Any, help: str, **settings: Any) -> None:  # noqa: A002, ANN401
         super().__init__(*declared, **settings)
         self.said = help
+
+    @property
+    def row(self) -> tuple[str, str]:
+        """The name and the description, for a table of help."""
+        return self.metavar or str(self.name).upper(), self.said
 
 
 @dataclass(frozen=True, init=False)
