@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from orientd.client.stop_call import ask_to_stop, check_answered
     from orientd.client.target_messages import TARGET_KEYS, target_message
     from orientd.client.teaching import MeasuredPose, Teaching
-    from orientd.client.tls_files import TlsFileError, check_tls_files
     from orientd.client.tracking import Tracking
     from orientd.client.trust import check_folder
 
@@ -53,7 +52,6 @@ __getattr__ = lazily(
         "orientd.client.target_messages": ("TARGET_KEYS", "target_message"),
         "orientd.client.teaching": ("MeasuredPose", "Teaching"),
         "orientd.client.smoothing": ("smoothed_orientations", "smoothed_positions"),
-        "orientd.client.tls_files": ("TlsFileError", "check_tls_files"),
         "orientd.client.tracking": ("Tracking",),
         "orientd.client.trust": ("check_folder",),
     },

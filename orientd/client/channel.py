@@ -102,7 +102,7 @@ def _check_certificates(certificate: Path, key: Path, ca: Path) -> None:
         DaemonError: one cannot be read, or is not what it should be.
     """
     # Connections to a Unix socket do without TLS.
-    from orientd.client.tls_files import TlsFileError, check_tls_files
+    from orientd.config import TlsFileError, check_tls_files
 
     try:
         check_tls_files(certificate, key, ca)

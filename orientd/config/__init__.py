@@ -30,3 +30,4 @@ from orientd.config.settings import (
     read_table,
 )
 from orientd.config.table import Table
+from orientd.config.tls_files import TlsFileError, check_tls_files

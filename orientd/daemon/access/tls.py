@@ -6,8 +6,7 @@ import asyncio
 import ssl
 from typing import Any
 
-from orientd.client import TlsFileError, check_tls_files
-from orientd.config import TcpSettings
+from orientd.config import TcpSettings, TlsFileError, check_tls_files
 from orientd.daemon.access.identity import ClientCertificate
 from orientd.errors import ConfigError
 
