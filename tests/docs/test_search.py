@@ -30,6 +30,20 @@ QUESTIONS = {
     "blend two moves": "how-to/on-the-way",
     "ROS order": "how-to/library",
     "ROS order pose": "how-to/library",
+    "emergency stop": "how-to/on-the-way",
+    "set speed limit": "how-to/limits",
+    "arm jerks when I retarget": "how-to/on-the-way",
+    "connect a UR5e": "how-to/real-ur",
+    "camera gimbal park": "how-to/real-gimbal",
+    "who may stop": "how-to/access",
+    "safety": "explanation/limits",
+    "reset after a protective stop": "how-to/real-ur",
+    "quaternion order": "how-to/library",
+    "slow down": "how-to/on-the-way",
+    "stop": "how-to/on-the-way",
+    "park": "how-to/real-gimbal",
+    "remote control": "how-to/real-ur",
+    "permissions": "how-to/access",
 }
 
 
