@@ -103,7 +103,7 @@ def test_a_plan_from_python_takes_a_quaternion_of_four_digits():
 
 def test_targets_of_a_stream_are_taken_as_before():
     target = pb.TrackTarget(orientation={"w": 0.7071, "z": 0.7071})
-    with pytest.raises(RequestError, match=r"norm must be 1 within 1e-06"):
+    with pytest.raises(RequestError, match=r"norm 1 within 1e-06"):
         target_from_message(target, 0)
 
 

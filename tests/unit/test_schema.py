@@ -170,13 +170,15 @@ def test_every_choice_is_on_the_wire(ours, theirs, prefix):
 # The configuration
 
 
+ADAPTERS = ROOT.parent / "adapters"
 TABLES = list(dict.fromkeys([config.Settings, *config.Table.__subclasses__()]))
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
 def test_every_setting_says_what_it_is_and_is_read(table):
     assert set(attribute_lines(table)) == set(table.model_fields)
-    code = "\n".join(path.read_text() for path in ROOT.rglob("*.py"))
+    files = (path for folder in (ROOT, ADAPTERS) for path in folder.rglob("*.py"))
+    code = "\n".join(path.read_text() for path in files)
     # Limits go to the planner whole.
     unread = table.model_fields if table is config.LimitSettings else set()
     for name in table.model_fields.keys() - unread:

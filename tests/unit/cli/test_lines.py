@@ -44,7 +44,7 @@ def written(tmp_path):
         (TWO + "start_velocity: 1\n", "{}: start_velocity: expected three numbers, got 1"),
         (
             TWO.replace("[0, 0, 1]", "[0, 1]"),
-            "{}: keyframes[1].rotation_vector: expected 3 entries, got 2",
+            "{}: keyframes[1].rotation_vector: expected 3 entries, got 2: [0, 1]",
         ),
     ],
     ids=["tab", "duration", "velocity", "vector"],
