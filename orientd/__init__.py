@@ -59,6 +59,8 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks 
         raise ImportError(f"orientd.{name} is now {_MOVED[name]}")
     if name not in _HOMES:
         raise AttributeError(f"module 'orientd' has no attribute {name!r}")
-    from pkgutil import resolve_name
+    from importlib import import_module
 
-    return resolve_name(_HOMES[name])
+    module, _, offered = _HOMES[name].partition(":")
+    found = import_module(module)
+    return getattr(found, offered) if offered else found

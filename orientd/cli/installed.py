@@ -37,25 +37,15 @@ class OpenGroup(Group):
         """Beginning of the names of its entry points."""
         return f"{self.name}."
 
-    def own(self) -> dict[str, Any]:
-        """Return the group's own commands by name, in the order of the help."""
-        return dict(self.commands)
-
-    def own_command(self, name: str) -> click.Command:
-        """Return one of the group's own commands."""
-        return self.commands[name]
-
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands: the group's own, then those of packages."""
-        del ctx
-        own = list(self.own())
+        own = super().list_commands(ctx)
         return own + [name for name in sorted(self._installed()) if name not in own]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return the command of that name, or ``None``."""
-        del ctx
-        if cmd_name in self.own():
-            return self.own_command(cmd_name)
+        if own := super().get_command(ctx, cmd_name):
+            return own
         entry = self._installed().get(cmd_name)
         return None if entry is None else _load(entry)
 

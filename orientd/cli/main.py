@@ -74,19 +74,21 @@ class Commands(OpenGroup):
 
     prefix = ""
 
-    def own(self) -> dict[str, Any]:
-        """See :meth:`.OpenGroup.own`."""
-        return _HOMES
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands, in the order of the help."""
+        return [*_HOMES, *(name for name in super().list_commands(ctx) if name not in _HOMES)]
 
-    def own_command(self, name: str) -> click.Command:
-        """See :meth:`.OpenGroup.own_command`."""
-        found = getattr(import_module(f"orientd.cli.commands.{_HOMES[name]}"), name)
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return the command of that name, or ``None``."""
+        if cmd_name not in _HOMES:
+            return super().get_command(ctx, cmd_name)
+        found = getattr(import_module(f"orientd.cli.commands.{_HOMES[cmd_name]}"), cmd_name)
         if isinstance(found, click.Command):
             return found
         # A negative speed is a wrong speed, not an option.
-        is_lax = name == "speed"
+        is_lax = cmd_name == "speed"
         return command_of(
-            Command, found, name=name, context_settings={"ignore_unknown_options": is_lax}
+            Command, found, name=cmd_name, context_settings={"ignore_unknown_options": is_lax}
         )
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - what Click returns

@@ -53,28 +53,11 @@ class Command(click.Command):
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the arguments, then the options."""
-        rows = [one.row for one in self.params if isinstance(one, _Said)]
+        rows = [vars(one)["row"] for one in self.params if "row" in vars(one)]
         if rows:
             with formatter.section("Positional arguments"):
                 formatter.write_dl(rows)
         super().format_options(ctx, formatter)
-
-
-class _Said(click.Argument):
-    """An argument with a description, which Click before 8.5 does not take.
-
-    Attributes:
-        said: the description.
-    """
-
-    def __init__(self, *declared: Any, help: str, **settings: Any) -> None:  # noqa: A002, ANN401
-        super().__init__(*declared, **settings)
-        self.said = help
-
-    @property
-    def row(self) -> tuple[str, str]:
-        """The name and the description, for a table of help."""
-        return self.metavar or str(self.name).upper(), self.said
 
 
 @dataclass(frozen=True, init=False)
@@ -163,7 +146,11 @@ def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # 
     if isinstance(said, Argument):
         if not settings["required"]:
             settings["metavar"] = f"[{settings['metavar']}]"
-        return _Said([name], **settings)
+        # Click before 8.5 takes no description of an argument.
+        description = settings.pop("help", "")
+        argument = click.Argument([name], **settings)
+        vars(argument)["row"] = (settings.get("metavar") or name.upper(), description)
+        return argument
     spelt = name.replace("_", "-")
     flag = f"--{spelt}/--no-{spelt}" if kind is bool else f"--{spelt}"
     settings["is_flag"] = True if kind is bool else None  # False lets Click omit a value

@@ -5,7 +5,7 @@ A record that is about a device, a motion or a caller has these as fields of its
 
 from __future__ import annotations
 
-import contextlib
+import io
 import json
 import logging
 import os
@@ -117,13 +117,9 @@ class BackgroundHandler(QueueHandler):
         self._listener: _Listener | None = _Listener(waiting, handler, tell_lost)
         self._listener.start()
 
-    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
-        """Return *record* with its text as it is now."""
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hand over *record* with its text as it is now, at once, or count it."""
         record.msg, record.args = record.getMessage(), ()
-        return record
-
-    def enqueue(self, record: logging.LogRecord) -> None:
-        """Hand over *record* at once, or count it."""
         try:
             self.queue.put_nowait(record)
         except queue.Full:
@@ -164,28 +160,21 @@ class _Listener(QueueListener):
         self._waiting.put(None)  # waits until there is space
 
 
-class DescriptorHandler(logging.Handler):
-    """Write lines to a file descriptor.
+def writer(descriptor: int) -> logging.Handler:
+    """Return a handler that writes lines to a file descriptor, which may block.
 
-    A stream of Python's would do so too.  But a thread that waits in one keeps the process from
-    its end.
+    It has no lock and shares no stream: the end of the process waits for neither.
     """
-
-    def __init__(self, descriptor: int) -> None:
-        """Write to *descriptor*, which may block."""
-        super().__init__()
-        self._descriptor = descriptor
-
-    def createLock(self) -> None:  # noqa: N802 - the library's name
-        """Have no lock: one thread writes, and the end of the process must not wait for it."""
-        self.lock = None
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Write *record*."""
-        line = f"{self.format(record)}\n".encode(errors="replace")
-        with contextlib.suppress(OSError):  # the reader is gone
-            while line:
-                line = line[os.write(self._descriptor, line) :]
+    handler = logging.StreamHandler(
+        io.TextIOWrapper(
+            io.FileIO(descriptor, "w", closefd=False),
+            encoding="utf-8",
+            errors="replace",
+            write_through=True,
+        )
+    )
+    handler.lock = None
+    return handler
 
 
 def _tell_lost(lost: int) -> None:
@@ -200,7 +189,7 @@ def set_up_log(chosen: LogFormat, level: str = "info") -> None:
         level: the least level that is logged.
     """
     is_journal = "JOURNAL_STREAM" in os.environ
-    handler = DescriptorHandler(sys.stderr.fileno())
+    handler = writer(sys.stderr.fileno())
     if chosen is LogFormat.JSON or (chosen is LogFormat.AUTO and is_journal):
         handler.setFormatter(JsonFormatter(has_priority=is_journal))
     else:

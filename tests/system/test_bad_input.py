@@ -301,7 +301,7 @@ def test_endless_delay_of_an_emulated_adapter_is_refused(tmp_path):
 
 
 def test_help_is_never_cut_short():
-    for group in ([], ["bench"], ["lease"], ["service"], ["sim"]):
+    for group in ([], ["lease"], ["service"], ["sim"]):
         listed = inside(*group, "--help").stdout.split("Commands:")[1]
         assert "..." not in listed, group
 

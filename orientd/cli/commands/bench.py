@@ -44,7 +44,7 @@ def measure(
         int, Option(range=(1, 10_000), help="Number of plans (20 keyframes), retargets and stops.")
     ] = 20,
 ) -> None:
-    """Measure lateness, plans, retargets, starts and stops on this machine.
+    """Measure lateness, plans, retargets, starts and stops here.
 
     The command starts daemons of its own with a simulated device at 500 Hz.  A retarget and a stop
     take until the first setpoint that shows them, and a start until the device is ready.

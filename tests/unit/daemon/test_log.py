@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from orientd.daemon.log import MOST_LINES, BackgroundHandler, DescriptorHandler, _tell_lost
+from orientd.daemon.log import MOST_LINES, BackgroundHandler, _tell_lost, writer
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def pipe():
 
 
 def writing_to(descriptor):
-    return BackgroundHandler(DescriptorHandler(descriptor), _tell_lost, most_waiting=MOST_LINES)
+    return BackgroundHandler(writer(descriptor), _tell_lost, most_waiting=MOST_LINES)
 
 
 @pytest.fixture
@@ -93,9 +93,9 @@ def test_a_reader_who_is_gone_is_no_trouble():
 def test_a_process_whose_log_nobody_reads_ends(pipe):
     code = f"""
 import logging
-from orientd.daemon.log import BackgroundHandler, DescriptorHandler
+from orientd.daemon.log import BackgroundHandler, writer
 logger = logging.getLogger()
-handler = BackgroundHandler(DescriptorHandler({pipe[1]}), print, most_waiting=1000)
+handler = BackgroundHandler(writer({pipe[1]}), print, most_waiting=1000)
 logger.addHandler(handler)
 for _ in range(1000):
     logger.warning("x" * 1000)
