@@ -86,6 +86,7 @@ def test_the_table_on_a_terminal_is_written_over_and_fits(cell):
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 40, 0, 0))
     command = [sys.executable, "-m", "orientd", "fleet", "status"]
     variables = environment(ORIENTD_FLEET=cell.endpoint, ORIENTD_CELL=CELL)
+    variables.pop("COLUMNS", None)  # the width is the terminal's
     with (
         os.fdopen(ours, "rb", buffering=0) as terminal,
         subprocess.Popen(command, stdout=theirs, stderr=theirs, env=variables) as process,
