@@ -1,3 +1,3 @@
-"""Move devices of orientd with classes of other projects, under the same names and shapes."""
+"""The controller class of diffusion_policy and UMI, for devices of orientd."""
 
 from orientd_diffusion_policy.interpolation_controller import RTDEInterpolationController

@@ -86,6 +86,40 @@ def health(channel: grpc.Channel) -> SimpleNamespace:
     )
 
 
+class Lines:
+    """The lines that a process prints on a stream, as they come."""
+
+    def __init__(self, stream) -> None:
+        self._lines, self._stream = [], stream
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        for line in self._stream:
+            self._lines.append(line.rstrip("\n"))
+
+    def close(self) -> None:
+        """Wait for the last line, and close the stream."""
+        self._thread.join()
+        self._stream.close()
+
+    def forget(self) -> None:
+        """Forget the lines so far."""
+        self._lines.clear()
+
+    def last(self) -> str:
+        """Return the next line and forget it."""
+        until(lambda: self._lines, "a line")
+        return self._lines.pop(0)
+
+    def await_line(self, line: str) -> None:
+        """Wait until a line was printed."""
+        until(lambda: line in self._lines, line)
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+
 class CycleLog:
     """Every cycle of a daemon's only device since this began, gathered by a client of its own."""
 

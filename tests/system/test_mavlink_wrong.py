@@ -1,11 +1,10 @@
 """Wrong requests of MAVLink programs: each is denied, at rest and in motion, with one line."""
 
 import math
-import threading
 import time
 
 import pytest
-from harness import until
+from harness import Lines
 
 pytest.importorskip("pymavlink")
 
@@ -24,39 +23,11 @@ from mavlink_station import (
 from pymavlink.dialects.v20 import common as mavlink
 
 
-class Lines:
-    """The lines that a server prints on standard error, as they come."""
-
-    def __init__(self, server):
-        self._lines, self._stream = [], server.stderr
-        self._thread = threading.Thread(target=self._read, daemon=True)
-        self._thread.start()
-
-    def _read(self):
-        for line in self._stream:
-            self._lines.append(line.rstrip("\n"))
-
-    def close(self):
-        self._thread.join()
-        self._stream.close()
-
-    def forget(self):
-        self._lines.clear()
-
-    def last(self):
-        """Return the next line and forget it."""
-        until(lambda: self._lines, "a line about what was denied")
-        return self._lines.pop(0)
-
-    def __len__(self):
-        return len(self._lines)
-
-
 @pytest.fixture(scope="module")
 def served(daemon):
     """Return a station in control of a gimbal without a heading, and what its server prints."""
     with gimbal(daemon.socket) as station:
-        lines = Lines(station.server)
+        lines = Lines(station.server.stderr)
         station.take_control()
         yield station, lines
         station.server.stderr = None

@@ -1,37 +1,16 @@
 """Wrong commands of antenna programs, and ranges: those that are announced are kept."""
 
-import threading
 import time
 
 import pytest
-from harness import until
+from harness import Lines
 from rotator import Client, rotctld
-
-
-class Lines:
-    """The lines that a server prints, as they come."""
-
-    def __init__(self, server):
-        self._lines, self._stream = [], server.stdout
-        self._thread = threading.Thread(target=self._read, daemon=True)
-        self._thread.start()
-
-    def _read(self):
-        for line in self._stream:
-            self._lines.append(line.rstrip("\n"))
-
-    def close(self):
-        self._thread.join()
-        self._stream.close()
-
-    def await_line(self, line):
-        until(lambda: line in self._lines, line)
 
 
 @pytest.fixture(scope="module")
 def served(daemon):
     with rotctld(daemon) as client:
-        lines = Lines(client.server)
+        lines = Lines(client.server.stdout)
         yield client.port, lines
         client.server.stdout = None
     lines.close()
