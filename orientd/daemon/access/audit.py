@@ -1,13 +1,16 @@
 """The audit log: one line of JSON for every command, and for everything that was refused.
 
-When the file is large enough it becomes ``audit.jsonl.1``, and the daemon starts another.
+When the file is large enough it becomes ``audit.jsonl.1``, and the daemon starts another.  Daemons
+of one user may share a file: a lock beside it keeps two from writing or renaming at once.
 """
 
 from __future__ import annotations
 
+import fcntl
 import logging
 import os
 import sys
+from contextlib import suppress
 from datetime import UTC, datetime
 from io import TextIOWrapper
 from logging.handlers import RotatingFileHandler
@@ -65,14 +68,22 @@ class _OwnFile(RotatingFileHandler):
     _is_failing = False
 
     def _open(self) -> TextIOWrapper:
-        path = Path(self.baseFilename)
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
-        return os.fdopen(os.open(path, flags, 0o600), "a", encoding="utf-8")
+        descriptor = self._own(self.baseFilename, os.O_RDWR | os.O_APPEND)
+        file = os.fdopen(descriptor, "a", encoding="utf-8")
+        size = os.fstat(descriptor).st_size
+        if size and os.pread(descriptor, 1, size - 1) != b"\n":
+            file.write("\n")  # A full disk cut the last line.
+        return file
 
     def emit(self, record: logging.LogRecord) -> None:
         had_failed, self._is_failing = self._is_failing, False
-        super().emit(record)
+        try:
+            with os.fdopen(self._own(f"{self.baseFilename}.lock", os.O_RDWR)) as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                self._follow()
+                super().emit(record)
+        except OSError:
+            self.handleError(record)
         if self._is_failing and not had_failed:
             # A full disk must not keep a client from stopping a robot.
             _log.error("audit: cannot write to %s: %s", self.baseFilename, self._problem)
@@ -80,3 +91,23 @@ class _OwnFile(RotatingFileHandler):
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the library's name
         del record
         self._is_failing, self._problem = True, sys.exception()
+        self._let_go()
+
+    def _follow(self) -> None:
+        """Leave a file that another daemon has put aside."""
+        if self.stream is not None:
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(self.stream.fileno()), Path(self.baseFilename).stat()):
+                    return
+            self._let_go()
+
+    def _let_go(self) -> None:
+        stream, self.stream = self.stream, None
+        if stream is not None:
+            with suppress(OSError):
+                stream.close()
+
+    @staticmethod
+    def _own(path: str, flags: int) -> int:
+        Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return os.open(path, flags | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)

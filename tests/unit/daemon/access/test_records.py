@@ -34,6 +34,7 @@ def test_a_large_file_is_put_aside_and_the_oldest_forgotten(tmp_path):
         "audit.jsonl",
         "audit.jsonl.1",
         "audit.jsonl.2",
+        "audit.jsonl.lock",
     ]
     kept = [
         record["number"]
@@ -44,15 +45,25 @@ def test_a_large_file_is_put_aside_and_the_oldest_forgotten(tmp_path):
     assert all(found.stat().st_size <= 1000 for found in tmp_path.iterdir())
 
 
-def test_two_daemons_share_a_file_and_lose_nothing(tmp_path):
+def test_daemons_that_share_a_file_lose_nothing_when_all_put_it_aside(tmp_path):
     path = tmp_path / "audit.jsonl"
-    logs = [AuditLog(path, most_bytes=5000, most_files=100) for _ in range(2)]
-    for number in range(300):
-        logs[number % 2].record(number=number)
+    logs = [AuditLog(path, most_bytes=2000, most_files=200) for _ in range(3)]
+    for number in range(3000):
+        logs[number % 3].record(number=number)
     for log in logs:
         log.close()
-    kept = [record["number"] for found in tmp_path.iterdir() for record in lines(found)]
-    assert sorted(kept) == list(range(300))
+    kept = [record["number"] for found in tmp_path.glob("audit.jsonl*") for record in lines(found)]
+    assert sorted(kept) == list(range(3000))
+
+
+def test_a_line_that_a_full_disk_cut_leaves_the_next_one_whole(tmp_path):
+    path = tmp_path / "audit.jsonl"
+    path.write_text('{"number": 0}\n{"num')
+    log = AuditLog(path, most_bytes=5000, most_files=2)
+    log.record(number=1)
+    log.close()
+    first, cut, last = path.read_text().splitlines()
+    assert (json.loads(first), cut, json.loads(last)["number"]) == ({"number": 0}, '{"num', 1)
 
 
 def test_a_disk_that_fails_stops_nobody(tmp_path, caplog):
