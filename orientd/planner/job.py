@@ -100,6 +100,10 @@ class PlanJob:
         """Return the same job at an even pace."""
         return self if self.is_even else replace(self, is_even=True, _leads={})
 
+    def calmer(self, share: float) -> PlanJob:
+        """Return the same job with quick leads that use a share of acceleration and jerk."""
+        return replace(self, is_even=False, limits=self.limits.with_reserve(share), _leads={})
+
     def with_free_acceleration(self) -> PlanJob:
         """Return the same job for a curve that does not begin with the device's acceleration."""
         limits = self.limits.times(acceleration=_CALM)

@@ -190,8 +190,8 @@ def _quickest(job: PlanJob, name: str) -> Motion:
     else:
         _along_curve(job, name, tried)
         _with_stops(job, name, tried)
-    if any(job.ends.moves) and not request.is_single:
-        _braking(job, name, tried)
+    if not request.is_single and (any(job.ends.moves) or tried.best is None):
+        _with_rests(job, name, tried)
     if tried.best is None and job.ends.alpha_start is not None and job.ends.alpha_start.any():
         # A curve that begins with the acceleration of the device may swing out.  A connector can
         # take it from there onto another one.
@@ -375,34 +375,29 @@ def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
     """Try to connect two moving keyframes in a given duration."""
 
     def slower(path: KeyframePath) -> Motion:
-        return _timed(job, path, None, name, has_rests=False).noted(resting.CONNECTS)
-
-    def rested(connectors: resting.Connectors) -> Motion:
-        return job.motion(resting.connected(job, connectors, None), name, resting.RESTS)
+        return job.motion(path, name, resting.CONNECTS)
 
     try:
-        paths, rests = resting.unhurried(job, total), resting.with_a_rest(job)
+        paths = resting.unhurried(job, total)
     except PlanError as error:
         tried.refused["a slower connector"] = error
         return
     for path in paths:
         if tried.best is None:
             tried.attempt("a slower connector", partial(slower, path))
-    for one in rests:
-        if tried.best is None:
-            tried.attempt(f"a rest at keyframes[{one.rests[0]}]", partial(rested, one))
 
 
-def _braking(job: PlanJob, name: str, tried: _Tried) -> None:
-    """Try to brake next to moving ends, if the curve was refused, swings out or is slow.
+def _with_rests(job: PlanJob, name: str, tried: _Tried) -> None:
+    """Try to rest next to moving ends or everywhere, if the curve was refused, swings or is slow.
 
     Raises:
         PlanError: no motion of the requested duration was found; it names one that was.
     """
-    swinging, total = tried.best, job.request.total
+    swinging, request, moves = tried.best, job.request, job.ends.moves
+    total, times = request.total, request.times
     is_swinging = swinging is not None and resting.swings(job, swinging)
     if swinging is not None and not is_swinging:
-        is_free = total is None and job.request.times is None
+        is_free = total is None and times is None
         about = resting.about_with_braking(job) if is_free else math.inf
         if not tried.refused and resting.WORTH * tried.took_keyframes < about:
             return
@@ -411,15 +406,30 @@ def _braking(job: PlanJob, name: str, tried: _Tried) -> None:
     def braking() -> Motion:
         return job.motion(resting.braking(job, partial(_quickest, name=name)), name)
 
-    other.attempt("a stop next to the moving ends", braking)
-    tried.refused = other.refused | tried.refused
-    if other.best is not None and (
-        swinging is None
-        or other.best.duration < swinging.duration
-        or excess(other.best).sum() < excess(swinging).sum()
-    ):
-        tried.best = other.best
-    if tried.best is not None or total is None:
+    def everywhere(calm: PlanJob, pause: int | None) -> Motion:
+        note = resting.MOVES if pause is None else resting.RESTS
+        return calm.motion(resting.single_moves(calm, pause), name, note)
+
+    if any(moves):
+        other.attempt("a stop next to the moving ends", braking)
+    is_pair, rested = len(request.keyframes) == 2 and all(moves), _Tried()
+    if times is not None and is_pair and other.best is None:
+        _unhurried(job, float(times[-1] - times[0]), name, other)
+    is_found = other.best is not None and not resting.swings(job, other.best)
+    for share in resting.SHARES if resting.can_move_singly(job) and not is_found else ():
+        for pause in (0, 1) if is_pair else (None,):
+            if rested.best is None:
+                attempt = partial(everywhere, job.calmer(share), pause)
+                rested.attempt("a rest at every keyframe", attempt)
+    tried.refused = other.refused | rested.refused | tried.refused
+    for one in (other, rested):
+        if one.best is not None and (
+            tried.best is None
+            or one.best.duration < tried.best.duration
+            or excess(one.best).sum() < excess(tried.best).sum()
+        ):
+            tried.best = one.best
+    if tried.best is not None or total is None or not any(job.ends.moves):
         return
     # The duration lies between two feasible ones, or below all of them.
     free = replace(job, request=replace(job.request, duration=None), _leads={})

@@ -23,7 +23,9 @@ from orientd.planner import refusal
 from orientd.planner.connect import (
     USUAL,
     Connection,
+    LeadIn,
     approach,
+    connector_lasting,
     hold,
     lead_out,
     turn_to_stop,
@@ -41,6 +43,9 @@ from orientd.rotation import between as turn_between
 STOPS = "stops at every keyframe: this takes less time than the curve through them"
 CONNECTS = "a connector joins both keyframes, in place of the curve between them"
 BRAKES = "brakes next to its moving ends: the curve turns further, takes longer, or breaks a limit"
+MOVES = "rests at every keyframe: the curve through them turns further, or breaks a limit"
+SHARES = (1.0, 0.97, 0.9, 0.8, 0.7)
+"""Shares of acceleration and jerk for single moves: the less, the shorter the stops on them."""
 RESTS = "rests on its way, since it was given that much time"
 WAITS = "waits at the end that is at rest: no slower motion was found"
 
@@ -57,9 +62,7 @@ _SLOWER = 1.2
 """Multiple of the duration of single moves from which on a note says so."""
 
 _WHOLE = 1e-9  # of a period, and of a duration
-_SLOWEST = 0.1  # lowest pace in the search for a longer connector
-_BISECTIONS = 12
-_ABOUT = 0.99  # share of a requested duration
+_PACES = np.geomspace(1.0, 0.1, 12)  # in the search for a longer connector
 
 
 def arrives(start: State, key: Floats, limits: Limits) -> bool:
@@ -73,11 +76,15 @@ def arrives(start: State, key: Floats, limits: Limits) -> bool:
     return is_near and float(way @ direction) > _AHEAD * distance
 
 
+def can_move_singly(job: PlanJob) -> bool:
+    """Return whether the request allows single moves with a rest at every keyframe."""
+    request = job.request
+    return request.method == DEFAULT_METHOD and not (request.turns.any() or job.is_taken_over)
+
+
 def can_rest(job: PlanJob) -> bool:
     """Return whether the request allows rests at keyframes."""
-    request = job.request
-    is_plain = request.method == DEFAULT_METHOD and not request.turns.any()
-    return is_plain and request.positions is None and not job.is_taken_over
+    return can_move_singly(job) and job.request.positions is None
 
 
 def least_with_stops(keys: Floats, limits: Limits) -> float:
@@ -124,21 +131,14 @@ class Connectors:
     rests: tuple[int, int]
 
     @classmethod
-    def of(
-        cls, job: PlanJob, connection: Connection = USUAL, rests: tuple[int, int] | None = None
-    ) -> Connectors:
+    def of(cls, job: PlanJob, connection: Connection = USUAL) -> Connectors:
         """Return the connectors that are found.
-
-        Args:
-            job: the input of the plan.
-            connection: how to connect.
-            rests: the first and the last keyframe to rest at; by default those next to moving ends.
 
         Raises:
             PlanError: a connector was not found.
         """
         keys, (begin, end) = job.request.keys, states_at_ends(job)
-        first, last = rests = rests or resting_keyframes(job)
+        first, last = rests = resting_keyframes(job)
         if first > last:
             return cls(job.connected(begin, end, connection).parts, (), rests)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
@@ -189,21 +189,60 @@ def job_between(job: PlanJob) -> PlanJob | None:
     )
 
 
-def with_a_rest(job: PlanJob) -> list[Connectors]:
-    """Return the connectors of two moving keyframes with a rest at one of them.
+def single_moves(job: PlanJob, pause: int | None = None) -> KeyframePath:
+    """Return single moves with a rest at every keyframe between.
+
+    Each waits at an end at rest, for the time that the request leaves it.
+
+    Args:
+        job: the input of the plan.
+        pause: for two moving keyframes, the one to rest at too.
 
     Raises:
-        PlanError: one was not found.
+        TotalError: they take longer than the requested duration.
+        PlanError: one was refused, takes longer than its times, or has no end at rest to wait at.
     """
-    found = [Connectors.of(job, rests=(at, at)) for at in (0, 1)]
-    return sorted(found, key=lambda one: sum(one.durations))
+    states = _states_to_rest_at(job)
+    if pause is not None:
+        states.insert(1, State.at_rest(states[pause].q, states[pause].position))
+    pairs = list(pairwise(states))
+    moves = [_single_move(job, *pair) for pair in pairs]
+    takes = np.array([move.cycles * job.period for move in moves])
+    waits, total, asked = np.zeros(len(moves)), job.request.total, job.request.times
+    if asked is not None and pause is not None:
+        total = float(asked[-1] - asked[0])
+    if total is not None:
+        refusal.check_total(total, float(takes.sum()))
+        waits[-1 if pairs[-1][0].is_at_rest else 0] = total - takes.sum()
+    elif asked is not None:
+        waits = np.diff(asked) - takes
+    waits[np.abs(waits) < _WHOLE * takes] = 0.0
+    times = np.concatenate([[0.0], np.cumsum(takes + waits)])
+    refusal.check_duration(float(times[-1]))
+    parts: list[Sequence[Trajectory]] = []
+    positions = PositionPath.held(states[0].position)
+    for index, ((one, other), move, wait) in enumerate(zip(pairs, moves, waits, strict=True)):
+        waits_first = not other.is_at_rest
+        rest = one if waits_first else other
+        if wait < 0.0 or (wait and not rest.is_at_rest):
+            raise PlanError(
+                f"the single move to keyframes[{index + 1}] takes {takes[index]:.4g} s, its times "
+                f"leave {takes[index] + wait:.4g} s"
+            )
+        held = [hold(rest.q, wait)] if wait else []
+        parts += [held, move.parts] if waits_first else [move.parts, held]
+        begin = times[index] + (wait if waits_first else 0.0)
+        positions = move.positions.delayed(begin).after(positions)
+    times = times if pause is None else times[[0, -1]]
+    return replace(_laid(job, parts, times), positions=positions)
 
 
-def single_moves(job: PlanJob) -> float:
-    """Return the duration of single moves with a rest at every keyframe, leads included, s.
+def _single_move(job: PlanJob, one: State, other: State) -> LeadIn:
+    return job.connected(one, other, is_direct=not (one.is_at_rest and other.is_at_rest))
 
-    It is infinite if one of them is refused.
-    """
+
+def _states_to_rest_at(job: PlanJob) -> list[State]:
+    """Return the states at all keyframes, at rest between the first and the last."""
     request, keys = job.request, job.request.keys
     begin, end = states_at_ends(job)
     places = np.repeat(job.halt.last[None], len(keys), axis=0)
@@ -211,19 +250,7 @@ def single_moves(job: PlanJob) -> float:
         is_given = np.isfinite(request.positions[:, 0])
         places = request.positions[is_given][np.maximum(np.cumsum(is_given) - 1, 0)]
     rests = [State.at_rest(*pair) for pair in zip(keys[1:-1], places[1:-1], strict=True)]
-    begin, end = replace(begin, position=places[0]), replace(end, position=places[-1])
-    try:
-        total = job.lead_to(begin).cycles * job.period if request.approach else 0.0
-        for one, other in pairwise([begin, *rests, end]):
-            is_turn = request.positions is None and one.is_at_rest and other.is_at_rest
-            if is_turn:
-                turn = approach(one.q, other.q, job.limits)
-                total += 0.0 if turn is None else turn.duration
-            else:
-                total += job.connected(one, other).cycles * job.period
-        return total + sum(part.duration for part in job.leads_out(end, 0.0))
-    except PlanError:
-        return math.inf
+    return [replace(begin, position=places[0]), *rests, replace(end, position=places[-1])]
 
 
 def compared(job: PlanJob, motion: Motion) -> Motion:
@@ -235,13 +262,23 @@ def compared(job: PlanJob, motion: Motion) -> Motion:
         return motion
     if took < _SLOWER * least_with_stops(request.keys, job.limits):
         return motion
-    moves = single_moves(job)
+    moves = _duration_of_single_moves(job)
     if took < _SLOWER * moves:
         return motion
     return motion.noted(
         f"takes {took:.4g} s: single moves with a stop at every keyframe would take {moves:.4g} s; "
         "another method or other velocities may be quicker"
     )
+
+
+def _duration_of_single_moves(job: PlanJob) -> float:
+    """Return their duration with both leads, s; infinite if one of them is refused."""
+    try:
+        path = single_moves(job)
+        lead = job.lead_to(path.first) if job.request.approach else None
+        return job.with_leads(path, lead).duration
+    except PlanError:
+        return math.inf
 
 
 def times_with_rests(job: PlanJob) -> tuple[float, float]:
@@ -288,39 +325,28 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
     elif duration > _WHOLE * job.period:
         inner = [hold(job.request.keys[first], duration)]
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
-    is_pair = len(job.request.keys) == 2 and bool(head and tail)
-    times = [begin, end] if is_pair else [begin, before + passed, end]
-    return _laid(job, [head, inner, tail], np.concatenate(times), notes)
+    times = np.concatenate([begin, before + passed, end])
+    return _laid(job, [head, inner, tail], times, notes)
 
 
 def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
-    """Return connectors of two moving keyframes, which take at most *total* seconds.
-
-    A slower pace makes them longer.  Bisection finds the pace at which the first one takes nearly
-    the available time; the last one is the fastest.
+    """Return connectors of two moving keyframes that take *total* seconds, at ever slower paces.
 
     Raises:
         TotalError: the fastest takes longer.
         PlanError: none was found.
     """
     begin, end = states_at_ends(job)
-    slow, fast = _SLOWEST, 1.0
-    paths: list[KeyframePath] = []
-    for _ in range(_BISECTIONS):
-        pace = math.sqrt(slow * fast) if paths else fast
-        at_pace = replace(job, limits=job.limits.slowed(pace))
-        found = at_pace.connected(begin, end).parts
-        duration = found[-1].domain[1]
-        if not paths:
-            refusal.check_total(total, duration)
-        if duration > total:
-            slow = pace
-            continue
-        fast = pace
-        paths.append(_laid(job, [found], np.array([0.0, duration])))
-        if duration > _ABOUT * total:
-            break
-    return sorted(paths, key=lambda path: -path.duration)
+    times, paths = np.array([0.0, total]), []
+    for pace in _PACES:
+        within = job.limits if pace == 1.0 else job.limits.slowed(pace)
+        find = partial(connector_lasting, limits=within, own=job.limits, period=job.period)
+        found = find(begin, end, total)
+        if found is not None:
+            paths.append(_laid(job, [[found]], times))
+    if not paths:
+        refusal.check_total(total, job.connected(begin, end).cycles * job.period)
+    return paths
 
 
 def swings(job: PlanJob, motion: Motion) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from orientd.planner.connect.connector import (
+    connector_lasting,
     hold,
     join,
     join_in,

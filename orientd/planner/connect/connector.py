@@ -31,6 +31,7 @@ _MOST_PIECES = 16_384  # Most intervals of a trajectory of joins.
 _MOST_JOINS = 36
 # Sums of Bernstein polynomials of degree 5, each from one on to the last.
 _BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
+_SAME = 1e-9  # of a duration
 _TURN_SLACK = 1.001  # tolerance of the largest turn of a connector, for rounding
 _TRIES, _FEWEST = 60, 2  # number of durations to try for a join onto a curve, and its fewest cycles
 
@@ -195,6 +196,29 @@ def connector(
         breaks,
     )
     return joins(q[:count], w[:count], breaks[: count + 1]) if count else None
+
+
+def connector_lasting(
+    start: State, end: State, duration: float, *, limits: Limits, own: Limits, period: float
+) -> Trajectory | None:
+    """Return a trajectory between two states that takes a given duration, if one is found.
+
+    Args:
+        start: initial state.
+        end: final state.
+        duration: s.
+        limits: limits to keep.
+        own: as for :func:`connector`.
+        period: about the time between two of its pieces, s.
+    """
+    # Whole periods fill the duration exactly.
+    whole = duration / max(round(duration / period), 1)
+    found = connector(
+        start, end, limits=limits, own=own, period=whole, least=duration - 0.5 * whole
+    )
+    return (
+        found if found is not None and abs(found.duration - duration) < _SAME * duration else None
+    )
 
 
 def turn_to_stop(state: State, limits: Limits) -> float:
