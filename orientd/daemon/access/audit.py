@@ -1,7 +1,7 @@
 """The audit log: one line of JSON for every command, and for everything that was refused.
 
 When the file is large enough it becomes ``audit.jsonl.1``, and the daemon starts another.  Daemons
-of one user may share a file: a lock beside it keeps two from writing or renaming at once.
+of one user may share a file: a lock keeps two from writing or renaming at once.
 """
 
 from __future__ import annotations
