@@ -20,6 +20,8 @@ from orientd.model import FORMS, MotionRequest, motion_schema, written
 from orientd.model import read_request as parse
 from orientd.structured_text import parse_structured, read_structured
 
+_RECORDINGS = (".bag", ".csv", ".db3", ".mcap", ".tum")
+
 __all__ = ["FORMS", "load", "loads", "motion_schema", "parse", "written"]
 
 
@@ -30,9 +32,15 @@ def load(path: str | Path) -> MotionRequest:
         RequestError: the file cannot be read, is neither YAML nor JSON, or has no well-formed
             motion.
     """
-    content = read_structured(Path(path))
-    with _naming(str(path)):
-        return parse(content)
+    try:
+        content = read_structured(Path(path))
+        with _naming(str(path)):
+            return parse(content)
+    except RequestError as error:
+        if Path(path).suffix not in _RECORDINGS or not Path(path).is_file():
+            raise
+        problem = f"{path}: a recording by its name, expected a motion file in YAML or JSON"
+        raise RequestError("", f"{problem}; plan it with `orientd replay --dry-run`") from error
 
 
 def loads(content: bytes, name: str) -> MotionRequest:

@@ -76,7 +76,10 @@ def messages(
         raise
     # Four libraries raise their own exceptions for damage.
     except Exception as error:
-        raise RecordingError(f"{path}: not a ROS 2 bag that can be read: {_text(error)}") from error
+        raise RecordingError(
+            f"{path}: not a ROS 2 bag that can be read: {_text(error)}; copy the whole bag again, "
+            "or repair it with `ros2 bag reindex`"
+        ) from error
 
 
 def _check_description(path: Path) -> None:

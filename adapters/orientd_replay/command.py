@@ -19,6 +19,7 @@ from orientd.cli.command import (
 )
 from orientd.cli.output import Output, working
 from orientd.cli.parameters import Argument, Option, command
+from orientd.errors import PlanError
 from orientd.one_line import counted
 
 if TYPE_CHECKING:
@@ -88,7 +89,10 @@ def replay(
     with working(f"reading {file}"):
         found = read_orientations(file, topic, partial=partial)
     with working(f"fitting {len(found.times)} samples"):
-        fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
+        try:
+            fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
+        except PlanError as refusal:
+            raise PlanError(f"{file}: {refusal}") from refusal
     fitted = _figures(found, fit)
     out.say(
         *(f"note: {note}" for note in fitted["notes"]),

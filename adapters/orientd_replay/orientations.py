@@ -32,6 +32,7 @@ from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
 from orientd_replay import bags
+from orientd_replay.kinds import EXPECTED, describe_kind
 from orientd_replay.samples import NO_TIME, Samples, check_order, usable
 from orientd_replay.text_tables import TUM_ENDINGS, read_table
 
@@ -39,7 +40,6 @@ _NESTS = ("pose", "transform", "odometry")
 _NAMES = ("orientation", "rotation", "quaternion", "q")
 _MOST_TOPICS = 12
 """Most topics in an error."""
-_KINDS = "a .mcap, .csv, .tum or .txt file, or a ROS 2 bag (its folder or a .db3 file)"
 _DECODERS = ("mcap_protobuf.decoder", "mcap_ros2.decoder")
 
 
@@ -123,7 +123,7 @@ def _meant(path: Path, tables: Mapping[str, object]) -> str:
     if len(names) > 1:
         names = [name for name in tables if name.split("/")[-1] == "measured"]
     if len(names) != 1:
-        raise RecordingError(f"{path}: name one topic of {_listed(tables)}")
+        raise RecordingError(f"{path}: name one topic of {_listed(tables)} (`--topic`)")
     return names[0]
 
 
@@ -137,7 +137,9 @@ def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Damages]:
         recording = load_recording(path, partial=partial)
         tables = _from_ours(recording)
     except NotMcapError as error:
-        raise RecordingError(f"{path}: not an MCAP file; expected {_KINDS}") from error
+        kind = describe_kind(path)
+        more = f"; {kind}" if kind else ""
+        raise RecordingError(f"{path}: not an MCAP file; expected {EXPECTED}{more}") from error
     except NotOursError:
         tables = {}
     return (tables, recording.damages) if tables else _from_others(path, partial=partial)
@@ -216,7 +218,9 @@ def _tables(
         more = ", ..." if len(kinds) > _MOST_TOPICS else ""
         lost = f"; {damages.describe()}" if damages else ""
         if not kinds:
-            raise RecordingError(f"{path}: no topics in it{lost}")
+            raise RecordingError(
+                f"{path}: no topics in it, expected one of orientations; record it again{lost}"
+            )
         raise RecordingError(
             f"{path}: no orientations in its topics, {one_line(topics)}{more}; expected a field "
             f"orientation, rotation, quaternion or q with w, x, y, z{lost}"

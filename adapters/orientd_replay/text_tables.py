@@ -23,6 +23,7 @@ import numpy as np
 from orientd.files import MEBIBYTE, check_regular
 from orientd.one_line import counted, one_line
 from orientd.recorder.writer import RecordingError
+from orientd_replay.kinds import describe_kind
 from orientd_replay.samples import NO_TIME, Samples
 
 TUM_ENDINGS = (".tum", ".txt")
@@ -186,7 +187,9 @@ def _csv(path: Path, lines: _Lines) -> _Table:
     """Return a table with names in its first line, or in a comment before it."""
     heading = _heading(lines)
     if _BINARY.search(heading):
-        raise RecordingError(f"{path}: no text; expected columns such as {_EXPECTED}")
+        kind = describe_kind(path)
+        more = f"; {kind}" if kind else ""
+        raise RecordingError(f"{path}: no text; expected columns such as {_EXPECTED}{more}")
     if not heading:
         raise RecordingError(f"{path}: empty; expected columns such as {_EXPECTED}")
     delimiter = next((one for one in _DELIMITERS if one in heading), "")
@@ -225,9 +228,17 @@ def _split(lines: Iterator[str], delimiter: str) -> Iterator[list[str]]:
 
 def _csv_rows(path: Path, lines: _Lines, delimiter: str) -> Iterator[Row]:
     """Yield the rows that are neither empty nor comments."""
+    before = lines.number
     try:
         for row in _split(lines, delimiter):
             lines.begin_row()
+            if lines.number > before + 1:
+                # A quote that is left open takes the lines behind it, with all of their samples.
+                raise RecordingError(
+                    f"{path}: line {before + 1} has a quote that another line closes, expected "
+                    "each row in one line; remove the quote"
+                )
+            before = lines.number
             if row and not row[0].startswith(_COMMENT):
                 yield lines.number, row
     except csv.Error as error:

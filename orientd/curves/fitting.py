@@ -388,7 +388,8 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
     noise = 0.0
     for _ in range(_PASSES):
         if len(instants) < FEWEST:
-            raise PlanError(f"a fit needs at least {FEWEST} samples, got {len(instants)}")
+            problem = f"a fit needs at least {FEWEST} samples, got {len(instants)}"
+            raise PlanError(f"{problem}; take a longer recording")
         misses, spread = _misses(instants, found)
         noise = _GAUSSIAN * float(np.median(np.abs(misses / spread[:, None])))
         size = np.sqrt(np.sum(misses**2, axis=-1))
@@ -409,9 +410,15 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
     if len(wild) > _MOST_WILD * len(all_instants):
         raise PlanError(
             f"{len(wild)} of {len(all_instants)} samples are outliers, expected at most a tenth: "
-            f"{describe_bursts(all_instants) or f'the first at {wild[0]:.3f} s'}"
+            f"{describe_bursts(all_instants) or _describe_first(wild)}"
         )
     return Measured(instants, align(found), noise, given - len(instants))
+
+
+def _describe_first(wild: Floats) -> str:
+    return (
+        f"the first at {wild[0]:.3f} s; look at the samples there, and at the order of w, x, y, z"
+    )
 
 
 def _misses(times: Floats, q: Floats) -> tuple[Floats, Floats]:
