@@ -8,8 +8,10 @@ import time
 import numpy as np
 
 from orientd.client import MoveHandle
+from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import Quaternion as Named
+from orientd.rotation import slerp
 from orientd.stream import CHUNK_POSES
 from orientd_rotctld.passes import Passes
 from orientd_rotctld.prediction import Floats, Prediction
@@ -38,6 +40,10 @@ _TURN = (60.0, 120.0)
 """Angles of a turn at a constant rate, degrees."""
 _STILL = 1e-6
 """Speed below which a target rests, rad/s."""
+_LOOKS = 65
+"""Orientations of the direct motion that are compared with the ranges."""
+_STEP = 10.0
+"""Largest angle between two keyframes of a motion that stays in the ranges, degrees."""
 
 
 class Pointer:
@@ -101,7 +107,8 @@ class Pointer:
         Raises:
             OrientdError: the daemon refuses it.
         """
-        if self._passes.takes(vector(wanted), lambda: self._move(wanted)):
+        before = self.asked or wanted
+        if self._passes.takes(vector(wanted), lambda: self._move(wanted, before)):
             self._begin()
             self.asked = wanted
             return
@@ -111,9 +118,9 @@ class Pointer:
         is_same, self.asked = wanted == self.asked, wanted
         path = self._prediction = old.added(now, vector(wanted))
         if path.is_confirmed and not (is_same and path.speed < _STILL):
-            self._follow(now, wanted, old if old.is_confirmed else path)
+            self._follow(now, wanted, before, old if old.is_confirmed else path)
         elif not (is_same and self._is_heading(wanted, _THERE)):
-            self._move(wanted)
+            self._move(wanted, before)
 
     def turn(self, signs: tuple[int, int], share: float) -> None:
         """Turn from rest at a constant rate, for at most 120 degrees, to an end of the ranges.
@@ -154,11 +161,50 @@ class Pointer:
         end = self._goal if is_moving and self._goal is not None else vector(self._now())
         return math.dist(end, vector(wanted)) < tolerance
 
-    def _move(self, wanted: Direction) -> None:
-        form = self._now()
-        pose = self._pose(self._form(vector(wanted), form))
-        self._motion, self._is_following = self._served.move([pose], approach=True), False
+    def _move(self, wanted: Direction, before: Direction) -> None:
+        """Move to a direction, within the ranges.
+
+        Args:
+            wanted: the direction.
+            before: the one that was asked for before, whose turn the device is in.
+        """
+        poses = [self._pose(self._form(vector(wanted), self._now()))]
+        if not self._keeps_ranges(poses[0]):
+            self._served.rest()
+            poses = self._within_ranges(wanted, before)
+        self._motion, self._is_following = self._served.move(poses, approach=True), False
         self._goal = vector(wanted)
+
+    def _keeps_ranges(self, pose: Named) -> bool:
+        """Return whether the shortest turn to an orientation stays in the ranges.
+
+        A device that moves leaves that turn by about the angle that it takes to stop.
+        """
+        report = self._served.report()
+        begin, rate = to_quaternion(report.cycle.q), report.cycle.omega_body
+        margin = math.degrees(_stopping_angle(report.limits, math.hypot(rate.x, rate.y, rate.z)))
+        end = np.array([pose.w, pose.x, pose.y, pose.z])
+        shorter = math.copysign(1.0, float(np.dot(begin, end)))
+        way = slerp(begin, shorter * end, np.linspace(0.0, 1.0, _LOOKS)).tolist()
+        kept = self._ranges.narrowed(margin)
+        return all(kept.has_form(direction((w, x, y, z), self._north)) for w, x, y, z in way)
+
+    def _within_ranges(self, wanted: Direction, before: Direction) -> list[Named]:
+        """Return keyframes from the device's orientation to a direction, all in the ranges.
+
+        Azimuth and elevation change in proportion, from one allowed value to another.
+        """
+        form = self._now()
+        q = self._served.report().cycle.q
+        begin = self._ranges.form(form, before, SLACK)
+        azimuth, elevation = wanted.azimuth - begin.azimuth, wanted.elevation - begin.elevation
+        count = math.ceil(max(abs(azimuth), abs(elevation)) / _STEP)
+        poses = [Named(w=q.w, x=q.x, y=q.y, z=q.z)]
+        for share in np.linspace(0.0, 1.0, count + 1)[1:]:
+            point = Direction(begin.azimuth + share * azimuth, begin.elevation + share * elevation)
+            form = self._form(vector(point), form)
+            poses.append(self._pose(form))
+        return poses
 
     def _now(self) -> Direction:
         """Return the direction of the newest setpoint, tipped over if the device is."""
@@ -171,7 +217,7 @@ class Pointer:
         w, x, y, z = orientation(form, self._north)
         return Named(w=w, x=x, y=y, z=z)
 
-    def _follow(self, now: float, wanted: Direction, before: Prediction) -> None:
+    def _follow(self, now: float, wanted: Direction, asked: Direction, before: Prediction) -> None:
         """Send the predicted path for the time until the position after the next."""
         path = self._prediction
         form = self._now()
@@ -179,7 +225,7 @@ class Pointer:
         # A device that follows continues: its axes may have to unwind, far from the target.
         if apart > _NEAR and not self._is_following:
             if not self._is_heading(wanted, _NEAR):
-                self._move(wanted)
+                self._move(wanted, asked)
             return
         gap = max(path.gap, _QUICKEST)
         beyond = min(_BEYOND * gap, gap + _LONGEST_BEYOND)
@@ -205,6 +251,16 @@ class Pointer:
         if self._ranges.tips:
             return found.in_turn_of(near)
         return found.tipped() if self._is_tipped else found
+
+
+def _stopping_angle(limits: pb.Limits, speed: float) -> float:
+    """Return about the angle in which a device at *speed* comes to rest, twice the least one, rad.
+
+    Limits that name no acceleration are those of axes, and not known here.
+    """
+    each = limits.axis_acceleration
+    acceleration = limits.acceleration or min(each.x, each.y, each.z)
+    return speed * speed / acceleration if acceleration > 0.0 else 0.0
 
 
 def _direction(point: Floats) -> Direction:

@@ -35,6 +35,11 @@ class Ranges:
             min(max(wanted.elevation, self.elevation[0]), self.elevation[1]),
         )
 
+    def narrowed(self, margin: float) -> Ranges:
+        """Return the ranges without what is within *margin* degrees of their ends."""
+        (west, east), (low, high) = self.azimuth, self.elevation
+        return Ranges((west + margin, east - margin), (low + margin, high - margin))
+
     def problem(self, wanted: Direction) -> str:
         """Return which angle of a direction is beyond its range; empty if none is."""
         for name, angle, option in (

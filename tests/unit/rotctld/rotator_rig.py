@@ -71,7 +71,12 @@ class Rotator:
 
     def report(self):
         w, x, y, z = self.rig.cycle.q
-        return SimpleNamespace(cycle=SimpleNamespace(q=pb.Quaternion(w=w, x=x, y=y, z=z)))
+        p, q, r = self.rig.cycle.omega_body
+        cycle = pb.Cycle(q=pb.Quaternion(w=w, x=x, y=y, z=z), omega_body=pb.Vector3(x=p, y=q, z=r))
+        return pb.DeviceReport(cycle=cycle, limits=pb.Limits(acceleration=LIMITS.acceleration))
+
+    def rest(self):
+        """Rest: the moves of this device do not turn it."""
 
     def follow(self, poses, start, step):
         if self.rig.cycle.state is not ServoState.TRACKING:

@@ -34,7 +34,7 @@ class Refusing:
         self.lock, self.rests, self.goals = threading.RLock(), 0, []
 
     def report(self):
-        return SimpleNamespace(cycle=SimpleNamespace(q=pb.Quaternion(w=1.0)))
+        return pb.DeviceReport(cycle=pb.Cycle(q=pb.Quaternion(w=1.0)))
 
     def move(self, poses, **_):
         self.goals += poses
