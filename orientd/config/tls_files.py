@@ -5,7 +5,11 @@ OpenSSL says "PEM lib" of most files that are something else, and asks for the p
 
 from __future__ import annotations
 
+import re
 import ssl
+from binascii import a2b_base64
+from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from orientd.errors import ConfigError
@@ -21,6 +25,9 @@ _KINDS = {
 }
 _DER = b"\x30"
 """First byte of a certificate, key or list in DER."""
+_PEM = re.compile(rb"-----BEGIN CERTIFICATE-----(.+?)-----END", re.DOTALL)
+_VERSION, _UTC_TIME = 0xA0, 0x17
+"""Tags of a certificate's version, and of a time with two digits of the year (RFC 5280, 4.1)."""
 
 
 class TlsFileError(ConfigError):
@@ -37,7 +44,9 @@ class TlsFileError(ConfigError):
 
 
 def check_tls_files(certificate: Path, key: Path, ca: Path, crl: Path | None = None) -> None:
-    """Check that each file can be read, is of its kind, and that the key fits the certificate.
+    """Check that each file can be read and is of its kind, and that certificate and key are valid.
+
+    The key has to fit the certificate, and the certificate must not have expired.
 
     Nothing is checked if one is a pipe, which can be read only once.
 
@@ -78,11 +87,44 @@ def check_tls_files(certificate: Path, key: Path, ca: Path, crl: Path | None = N
         else:
             problem = f"{key}: the private key in it is damaged; copy it again"
         raise TlsFileError("key", problem) from error
+    expiry = _expiry(certificate)
+    if expiry < datetime.now(UTC):
+        problem = f"{certificate}: the certificate in it expired on {expiry:%Y-%m-%d %H:%M} UTC"
+        raise TlsFileError("certificate", f"{problem}; have the authority sign a new one")
     authorities = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     authorities.load_verify_locations(ca)
     if not authorities.get_ca_certs():
         expected = "expected the certificate of an authority, found one that signs no others"
         raise TlsFileError("ca", f"{ca}: {expected}; give the file that signed the other end")
+
+
+def _expiry(path: Path) -> datetime:
+    """Return until when the first certificate in a file counts; OpenSSL has accepted the file.
+
+    The time is the second one of the field ``validity`` (RFC 5280, 4.1.2.5).
+    """
+    match = _PEM.search(read_bounded(path, MEBIBYTE))
+    if match is None:  # of a kind that older OpenSSL wrote
+        return datetime.max.replace(tzinfo=UTC)
+    ((_, certificate),) = _elements(a2b_base64(match[1]))
+    fields = [field for tag, field in _elements(next(_elements(certificate))[1]) if tag != _VERSION]
+    _, (tag, text) = _elements(fields[3])
+    century = "" if tag != _UTC_TIME else "19" if text >= b"50" else "20"
+    return datetime.strptime(f"{century}{text.decode()}", "%Y%m%d%H%M%SZ").replace(tzinfo=UTC)
+
+
+def _elements(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield the tag and the content of each element of DER."""
+    at = 0
+    while at < len(content):
+        tag, size = content[at : at + 2]
+        at += 2
+        if size & 0x80:
+            digits = size & 0x7F
+            size = int.from_bytes(content[at : at + digits])
+            at += digits
+        yield tag, content[at : at + size]
+        at += size
 
 
 def _check_kind(name: str, path: Path, kind: str) -> None:

@@ -152,7 +152,6 @@ def test_a_client_takes_no_daemon_of_another_authority(cell):
     ("name", "folder"),
     [
         ("pendant", "other"),
-        ("expired", "ca"),
         ("revoked", "ca"),
         ("server", "ca"),
         ("listed", "ca"),
@@ -162,6 +161,12 @@ def test_a_client_takes_no_daemon_of_another_authority(cell):
 def test_a_certificate_that_is_not_admitted_is_told_so(cell, name, folder):
     files = cell.files(name, folder) | {"ca": cell.folder / "ca/ca.pem"}
     with pytest.raises(DaemonError, match=r"does not admit this certificate: .* its log says"):
+        orientd.connect(address=cell.address, **files)
+
+
+def test_a_client_says_that_its_own_certificate_has_expired(cell):
+    files = cell.files("expired") | {"ca": cell.folder / "ca/ca.pem"}
+    with pytest.raises(DaemonError, match=r"expired\.pem: the certificate in it expired on 2020-"):
         orientd.connect(address=cell.address, **files)
 
 
@@ -408,6 +413,22 @@ def test_the_view_reaches_a_daemon_over_tcp_with_a_certificate_alone(cell):
         "view", *there, "--cert", revoked["certificate"], "--key", revoked["key"]
     )
     assert_refused(done, "does not admit this certificate")
+
+
+def test_a_reload_keeps_the_certificate_if_the_new_one_has_expired(cell):
+    ca = cell.folder / "ca"
+    kept = {name: (ca / name).read_bytes() for name in ("server.pem", "server.key")}
+    try:
+        for name in kept:
+            (ca / name).write_bytes((ca / name.replace("server", "expired")).read_bytes())
+        cell.daemon.process.send_signal(signal.SIGHUP)
+        said = f"nothing changed: tcp.certificate: {ca}/server.pem: the certificate in it expired"
+        until(lambda: said in (cell.folder / "log").read_text(), "the refusal")
+    finally:
+        for name, content in kept.items():
+            (ca / name).write_bytes(content)
+    with cell.robot("pendant") as robot:
+        assert robot.devices()
 
 
 def test_a_revocation_counts_at_once_and_for_the_one_revoked_alone(cell):

@@ -28,6 +28,11 @@ WRONG = {
         {"key": "pendant.key"},
         "tcp.key: the key {0}/pendant.key does not belong to the certificate {0}/server.pem",
     ),
+    "a certificate that has expired": (
+        {"certificate": "old.pem", "key": "old.key"},
+        "tcp.certificate: {}/old.pem: the certificate in it expired on 2020-01-02 00:00 UTC; "
+        "have the authority sign a new one",
+    ),
     "certificate and key swapped": (
         {"certificate": "server.key", "key": "server.pem"},
         "tcp.certificate: {}/server.key: expected a certificate in PEM, found a private key; "
@@ -92,6 +97,7 @@ def folder(tmp_path_factory):
     made = Authority(folder)
     made.issue("pendant")
     made.issue("server", hosts="IP:127.0.0.1")
+    made.expired("old")
 
     def openssl(*arguments):
         subprocess.run([OPENSSL, *arguments], cwd=folder, check=True, capture_output=True)
