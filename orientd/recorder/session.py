@@ -31,11 +31,13 @@ class LiveRecording:
         lost: cycles that the daemon had forgotten before they were read, by device.
         events: of all devices.
         ending: is set to end it.
+        seconds: of cycles to keep of each device, from its first one; ``None`` for all.
     """
 
     def __init__(self, path: Path) -> None:
         """Prepare the file at *path*."""
         self._path = path
+        self.seconds: float | None = None
         self.ending = threading.Event()
         self.cycles: defaultdict[str, int] = defaultdict(int)
         self.lost: defaultdict[str, int] = defaultdict(int)
@@ -137,9 +139,14 @@ class DaemonRecorder:
         self, writer: RecordingWriter, recording: LiveRecording, device: str
     ) -> None:
         name = self._prefix + device
+        until_ns: float | None = None
         for records, lost in self.observer.records(device, rate_hz=READ_HZ):
             recording.lost[name] += lost
             table, shift_ns = from_records(records), self._shift_ns()
+            if recording.seconds is not None and len(table):
+                # By the daemon's clock: more cycles arrive while the last of them are waited for.
+                until_ns = until_ns or table["deadline_ns"][0] + 1e9 * recording.seconds
+                table = table[table["deadline_ns"] < until_ns]
             if shift_ns:
                 table = table.copy()
                 for column in ("deadline_ns", "feedback_time_ns"):

@@ -60,6 +60,21 @@ def recorded(tmp_path_factory):
         yield daemon, load_recording(path), json.loads(output)
 
 
+def test_a_recording_of_one_second_has_the_cycles_of_one_second(daemon, tmp_path):
+    done = orientd(
+        "record",
+        tmp_path / "a.mcap",
+        "--seconds",
+        "1",
+        "--json",
+        env=environment(ORIENTD_SOCKET=str(daemon.socket)),
+    )
+    cycles = load_recording(tmp_path / "a.mcap").cycles[DEVICE]
+    assert json.loads(done.stdout)["cycles"] == {DEVICE: len(cycles)}
+    lasted = 1e-9 * float(cycles["deadline_ns"][-1] - cycles["deadline_ns"][0])
+    assert 0.9 < lasted < 1.0
+
+
 def test_a_recording_has_every_cycle_as_it_was_sent_and_measured(recorded):
     daemon, recording, told = recorded
     cycles = recording.cycles[DEVICE]

@@ -103,6 +103,7 @@ def ending(session: LiveRecording, seconds: float | None) -> Iterator[None]:
         for number in (signal.SIGINT, signal.SIGTERM)
         if threading.current_thread() is threading.main_thread()
     }
+    session.seconds = seconds
     timer = threading.Timer(seconds or 0.0, session.end)
     timer.daemon = True
     if seconds is not None:
