@@ -503,8 +503,9 @@ class ServoProcess:
         advice, problem = _UNREADY.get(state, ""), self.fault_text
         if state == "idle":
             advice = f": {problem}; then reset it" if problem else "; enable it first"
-        elif state == "fault":
-            advice = f": {problem}; reset it first"
+        elif cycle is not None and cycle.state is ServoState.FAULT:
+            # The words of a new fault arrive after its code.
+            advice = f": {problem or Fault(cycle.fault).name.lower()}; reset it first"
         raise StateError(f"device {self._settings.name} is {state}, not holding{advice}")
 
     @property

@@ -1,5 +1,6 @@
 """The link between the daemon and a real servo process with the loopback driver."""
 
+import dataclasses
 import os
 import signal
 import threading
@@ -10,7 +11,7 @@ from harness import until
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device.servo_process import ANSWER_TIMEOUT, ServoProcess
-from orientd.errors import DaemonError, StateError
+from orientd.errors import DaemonError, Fault, StateError
 from orientd.stream import Command, ServoLimits, ServoState
 
 
@@ -114,3 +115,13 @@ def test_a_command_waits_as_long_as_the_servo_may_stall(servo, gate):
     threading.Timer(2 * ANSWER_TIMEOUT, let_go).start()
     with pytest.raises(StateError, match="not possible while idle"):
         servo.ask(Command.SPEED, speed=1.0)
+
+
+def test_a_fault_whose_words_have_not_arrived_is_named_by_its_code(servo, monkeypatch):
+    await_cycles(servo)
+    fault = dataclasses.replace(
+        servo.newest(), state=ServoState.FAULT, fault=int(Fault.LIMIT_GUARD)
+    )
+    monkeypatch.setattr(servo, "newest", lambda: fault)
+    with pytest.raises(StateError, match="is fault, not holding: limit_guard; reset it first"):
+        servo.commanded()
