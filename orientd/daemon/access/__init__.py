@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orientd.daemon.access.audit import AuditLog, audit_path
-from orientd.daemon.access.authorization import Authorization, Method
+from orientd.daemon.access.authorization import Authorization, Method, keyframe_count
 from orientd.daemon.access.claim import claimed
 from orientd.daemon.access.identity import (
     Caller,

@@ -281,6 +281,11 @@ def describe(request: Message) -> dict[str, Any]:
     motion = getattr(request, "motion", None)
     if isinstance(motion, pb.MotionRequest) and request.HasField("motion"):
         digest = sha256(motion.SerializeToString(deterministic=True)).hexdigest()
-        figures = {"keyframes": len(motion.keyframes), "sha256": digest}
+        figures = {"keyframes": keyframe_count(motion), "sha256": digest}
         described["motion"] = describe(motion) | figures
     return described
+
+
+def keyframe_count(motion: pb.MotionRequest) -> int:
+    """Return how many keyframes *motion* has, as messages or as columns."""
+    return max(len(motion.keyframes), len(motion.columns.quaternions) // 4)

@@ -22,7 +22,7 @@ from grpclib.const import Cardinality
 
 import orientd
 from orientd.clock import clock_name
-from orientd.daemon.access import Caller, Method
+from orientd.daemon.access import Caller, Method, keyframe_count
 from orientd.daemon.calls import report
 from orientd.daemon.calls.following import Following, read_targets
 from orientd.daemon.calls.requests import (
@@ -257,7 +257,7 @@ class Service:
         """
         timeout = planning_timeout(request.plan_timeout, self._devices.planners.timeout)
         motion = request.motion
-        count = max(len(motion.keyframes), len(motion.columns.quaternions) // 4)
+        count = keyframe_count(motion)
         if count > self.keyframes:
             raise RequestError("keyframes", f"expected at most {self.keyframes}, got {count}")
         # The planner reads the rest: that takes as long as planning a small motion.

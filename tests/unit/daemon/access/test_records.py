@@ -123,3 +123,9 @@ def test_a_motion_is_told_by_its_name_its_keyframes_and_a_digest():
     assert (first["name"], first["keyframes"], len(first["sha256"])) == ("turn", 2, 64)
     assert first == again
     assert first["sha256"] != other["sha256"]
+
+
+def test_keyframes_in_columns_are_counted_as_others_are():
+    columns = pb.KeyframeColumns(quaternions=[1.0, 0.0, 0.0, 0.0] * 3)
+    request = pb.MoveRequest(motion=pb.MotionRequest(columns=columns))
+    assert authorization.describe(request)["motion"]["keyframes"] == 3
