@@ -144,7 +144,8 @@ class Clutch:
             RequestError: a setting is out of range.
         """
         if not isinstance(scale, int | float) or not 0.0 < scale < math.inf:
-            raise RequestError("scale", f"expected a number above 0, got {scale!r}")
+            step = "with 1 the device turns as far as the hand"
+            raise RequestError("scale", f"expected a number above 0, got {scale!r}; {step}")
         check_life("time_to_live", time_to_live)
         self.skipped = 0
         self.q, self.position = anchor.newest

@@ -134,8 +134,8 @@ class Playing(Tracking):
         orientations, places = _poses(poses)
         count = len(orientations)
         if not 1 <= count <= CHUNK_POSES:
-            more = "; send them as several chunks, one behind another" if count else ""
-            problem = f"expected 1 to {CHUNK_POSES} poses, got {count}{more}"
+            step = "send them as several chunks, one behind another" if count else "send no chunk"
+            problem = f"expected 1 to {CHUNK_POSES} poses, got {count}; {step}"
             raise RequestError("poses", problem)
         stamps = _stamps(count, rate, start, times)
         if positions is not None:
@@ -241,7 +241,7 @@ def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]
     for k, pose in enumerate(poses):
         turn = pose
         if isinstance(pose, Mapping) and "position" in pose:
-            places.extend(_rows(f"poses[{k}].position", [pose["position"]], 1))
+            places.append(_three_numbers(f"poses[{k}].position", pose["position"]))
             turn = {key: entry for key, entry in pose.items() if key != "position"}
         if isinstance(turn, Mapping) and set(turn) == {"quaternion"}:
             turn = _components(turn["quaternion"]) or turn
@@ -336,7 +336,9 @@ def _stamps(
         if rate is not None or start is not None:
             raise RequestError("times", "expected either times, or rate and start")
         place = "times"
-        seconds = [row[0] for row in _rows("times", [[one] for one in to_plain(times)], count, 1)]
+        seconds = [
+            _seconds(f"times[{k}]", one) for k, one in enumerate(_one_each("times", times, count))
+        ]
     else:
         place = "start"
         if not _is_number(rate) or not 0.0 < rate <= MOST_RATE_HZ:
@@ -349,10 +351,24 @@ def _stamps(
     for k, when in enumerate(seconds):
         if not math.isfinite(when):
             where = f"times[{k}]" if times is not None else place
-            raise RequestError(where, f"expected a finite number of seconds, got {when}")
+            problem = f"expected a finite number of seconds, got {when}; give {CLOCK}"
+            raise RequestError(where, problem)
     stamps, now_ns = [round(1e9 * when) for when in seconds], time.monotonic_ns()
     check_chunk_times(place, min(stamps), max(stamps), now_ns, is_seconds=True, clock=CLOCK)
     return stamps
+
+
+def _seconds(place: str, given: object) -> float:
+    """Return a time.
+
+    Raises:
+        RequestError: it is not a number.
+    """
+    try:
+        return float(given)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        problem = f"expected seconds of {CLOCK}, got {given!r}; give a number"
+        raise RequestError(place, problem) from None
 
 
 def _is_number(given: object) -> TypeGuard[float]:
@@ -364,11 +380,39 @@ def _vector(row: Sequence[float]) -> Vector3:
     return x, y, z
 
 
-def _rows(name: str, given: object, count: int, width: int = 3) -> list[list[float]]:
-    try:
-        rows = [[float(number) for number in row] for row in to_plain(given)]
-    except (TypeError, ValueError):
-        rows = []
-    if len(rows) != count or any(len(row) != width for row in rows):
-        raise RequestError(name, f"expected {count} rows of {width} numbers, got {given!r}")
-    return rows
+def _rows(name: str, given: object, count: int) -> list[list[float]]:
+    """Return the rows of three numbers of an argument, one for each pose.
+
+    Raises:
+        RequestError: there are more or fewer rows, or one is not three numbers.
+    """
+    rows = _one_each(name, given, count)
+    return [_three_numbers(f"{name}[{k}]", row) for k, row in enumerate(rows)]
+
+
+def _one_each(name: str, given: object, count: int) -> list[object]:
+    """Return the entries of an argument that has one for each pose.
+
+    Raises:
+        RequestError: it has more or fewer.
+    """
+    plain = to_plain(given)
+    if isinstance(plain, list) and len(plain) == count:
+        return plain
+    got = str(len(plain)) if isinstance(plain, list) else repr(plain)
+    raise RequestError(name, f"expected {count}, one for each pose, got {got}")
+
+
+def _three_numbers(place: str, given: object) -> list[float]:
+    """Return a vector.
+
+    Raises:
+        RequestError: it is not three numbers.
+    """
+    plain = to_plain(given)
+    if isinstance(plain, list) and len(plain) == 3:
+        try:
+            return [float(number) for number in plain]
+        except (TypeError, ValueError):
+            pass
+    raise RequestError(place, f"expected three numbers, got {plain!r}; give x, y and z")

@@ -14,7 +14,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, Unpack
+from typing import TYPE_CHECKING, Any, Self, SupportsFloat, Unpack
 
 from orientd.client.channel import Way
 from orientd.client.connection import Connection, StartAt
@@ -443,6 +443,12 @@ class Robot:
         from orientd.client.move_handle import MoveHandle
         from orientd.protocol import from_request
 
+        for name, number, step in (
+            ("progress_rate_hz", progress_rate_hz, "give reports a second, 0.1 to 100"),
+            ("blend_tolerance", blend_tolerance, "give an angle in rad, or 0 for no blend"),
+        ):
+            if not isinstance(number, SupportsFloat):
+                raise RequestError(name, f"expected a number, got {number!r}; {step}")
         request = pb.MoveRequest(
             device=device,
             progress_rate_hz=progress_rate_hz,

@@ -41,6 +41,17 @@ _EXPECTED = {
     "string_type": "a text",
 }
 _NUMBERS = ("float_type", "int_type")
+_NEXT_STEPS = {
+    "missing": "add this key",
+    "string_type": "put it in quotes",
+    "is_instance_of": "put it in quotes",
+    "too_short": "add one",
+    **dict.fromkeys(
+        ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"),
+        "give a number in this range, or leave the key out for its default",
+    ),
+}
+"""The next step after an error of validation, by its kind."""
 
 _TOML_PLACE = re.compile(r"\(at line (\d+), column \d+\)")
 _TOML_HINTS = (
@@ -51,6 +62,11 @@ _TOML_HINTS = (
     (re.compile(r"[\w.-]+:|\{"), "a configuration is TOML: KEY = VALUE below [HEADING]"),
 )
 """Lines that are no TOML, and what to write instead."""
+_TOML_TWICE = {
+    "twice": "give each heading once, and each device a name of its own",
+    "overwrite": "give each key once",
+}
+"""Words about what stands twice in TOML, and what to do."""
 _SHOWN_LINE = 60
 """Most characters of a line that a message shows."""
 
@@ -245,7 +261,9 @@ def _toml_hint(text: str, problem: str) -> str:
     if place is None or int(place[1]) > len(lines):
         return ""
     line = lines[int(place[1]) - 1].strip()
-    hint = next((f"; {hint}" for form, hint in _TOML_HINTS if form.match(line)), "")
+    hints = [hint for word, hint in _TOML_TWICE.items() if word in problem]
+    hints += [hint for form, hint in _TOML_HINTS if form.match(line)]
+    hint = f"; {hints[0]}" if hints else ""
     return f": {line[:_SHOWN_LINE]!r}{hint}" if line else ""
 
 
@@ -291,16 +309,19 @@ def _describe(error: ValidationError) -> str:
             return f"{'.'.join(filter(None, [key, error.field]))}: {error.problem}"
         return ".".join([*place, str(error)])
     if kind == "missing":
-        return f"{key}: missing"
+        return f"{key}: missing; {_NEXT_STEPS[kind]}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        hint = "; write its heading in single brackets" if isinstance(came, list) else ""
-        return f"{key}: expected a table, got {came!r}{hint}"
+        brackets = "in single brackets" if isinstance(came, list) else f"as [{key}]"
+        return f"{key}: expected a table, got {came!r}; write its heading {brackets}"
     if isinstance(came, float) and not math.isfinite(came):
-        return f"{key}: expected a finite number, got {came!r}"
+        step = _NEXT_STEPS["finite_number"]
+        return f"{key}: expected a finite number, got {came!r}; {step}"
     expected = _EXPECTED.get(kind) or first["msg"].removeprefix("Input should be ")
     hint = ""
     if kind in _NUMBERS and isinstance(came, str):
         hint = number_hint(came)
     elif kind == "bool_type" and came in ("true", "false"):
         hint = " (without quotes it would be one)"
+    elif kind in _NEXT_STEPS:
+        hint = f"; {_NEXT_STEPS[kind]}"
     return f"{key}: expected {expected}, got {came!r}{hint}"

@@ -62,7 +62,7 @@ WRONG = {
     ),
     "no pose": (
         lambda play: play.chunk([], rate=30.0),
-        r"poses: expected 1 to 64 poses, got 0",
+        r"poses: expected 1 to 64 poses, got 0; send no chunk$",
     ),
     "only NaN": (
         lambda play: play.chunk([NO_POSE] * 16, rate=30.0),
@@ -72,6 +72,22 @@ WRONG = {
     "infinite positions": (
         lambda play: play.chunk(ramp(2), rate=30.0, positions=[[0.0, math.inf, 0.0]] * 2),
         r"poses\[1\]: expected a position within 1000 m, got \(0.0, inf, 0.0\); none of the 2 is",
+    ),
+    "a position that is text": (
+        lambda play: play.chunk(ramp(2), rate=30.0, positions=[[0, 0, 0], [0, "a", 0]]),
+        r"positions\[1\]: expected three numbers, got \[0, 'a', 0\]; give x, y and z$",
+    ),
+    "a pose with two numbers as its position": (
+        lambda play: play.chunk([{"rotation_vector": [0, 0, 0], "position": [0, 1]}], rate=30.0),
+        r"poses\[0\].position: expected three numbers, got \[0, 1\]; give x, y and z$",
+    ),
+    "one position for two poses": (
+        lambda play: play.chunk(ramp(2), rate=30.0, positions=np.zeros((1, 3))),
+        r"positions: expected 2, one for each pose, got 1$",
+    ),
+    "a time that is text": (
+        lambda play: play.chunk(ramp(2), times=[0.0, "soon"]),
+        r"times\[1\]: expected seconds of time.monotonic\(\).*, got 'soon'; give a number$",
     ),
     "a rate of 1e9": (
         lambda play: play.chunk(ramp(2), rate=1e9),
@@ -132,7 +148,7 @@ WRONG = {
     ),
     "a scale that is none": (
         lambda play: play.engage(scale=math.nan),
-        r"scale: expected a number above 0, got nan",
+        r"scale: expected a number above 0, got nan; with 1 the device turns as far as the hand$",
     ),
     "a hand without a life": (
         lambda play: play.engage(time_to_live=0.0),

@@ -46,7 +46,30 @@ WRONG = {
     ),
     "a device twice": (
         DEVICE + DEVICE,
-        "not TOML: Cannot declare ('devices', 'arm') twice (at line 3, column 13): '[devices.arm]'",
+        "not TOML: Cannot declare ('devices', 'arm') twice (at line 3, column 13): "
+        "'[devices.arm]'; give each heading once, and each device a name of its own",
+    ),
+    "a key twice": (
+        DEVICE + "rate_hz = 500\nrate_hz = 250\n",
+        "not TOML: Cannot overwrite a value (at line 4, column 14): 'rate_hz = 250'; "
+        "give each key once",
+    ),
+    "a rate that is infinite": (
+        DEVICE + "rate_hz = inf\n",
+        "devices.arm.rate_hz: expected a finite number, got inf; "
+        "give a number in this range, or leave the key out for its default",
+    ),
+    "a device without a driver": (
+        "[devices.arm]\n",
+        "devices.arm.driver: missing; add this key",
+    ),
+    "a device that is a number": (
+        "[devices]\narm = 3\n",
+        "devices.arm: expected a table, got 3; write its heading as [devices.arm]",
+    ),
+    "a driver that is a number": (
+        "[devices.arm]\ndriver = 3\n",
+        "devices.arm.driver: expected a text, got 3; put it in quotes",
     ),
     "double brackets": (
         "[[devices.arm]]\ndriver = 'loopback'\n",
@@ -66,7 +89,8 @@ WRONG = {
     ),
     "a rate of a motor": (
         DEVICE + "rate_hz = 50000\n",
-        "devices.arm.rate_hz: expected less than or equal to 4000, got 50000",
+        "devices.arm.rate_hz: expected less than or equal to 4000, got 50000; "
+        "give a number in this range, or leave the key out for its default",
     ),
 }
 
