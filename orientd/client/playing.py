@@ -59,7 +59,7 @@ class PlayTiming:
         lag: delay behind the poses that fits the last second best, s; 0 if the limits allow all.
         inference: longest time from the first pose of a chunk until the call that sends it, s.
         longest_inference: largest *inference* for which the poses do not run out, s; infinite
-            before the second chunk.
+            before the second chunk, unless all poses of the first one are late.
     """
 
     chunks: int
@@ -88,6 +88,7 @@ class Playing(Tracking):
     _last_ns = 0
     _last_q = IDENTITY
     _inference = -math.inf
+    _least_left = math.inf
     _sent = 0
 
     def chunk(
@@ -163,12 +164,15 @@ class Playing(Tracking):
         self.send(pb.TrackRequest(chunk=message))
         self._sent += 1
         self._last_ns, self._last_q = max(zip(stamps, orientations, strict=True))
-        self._inference = max(self._inference, 1e-9 * (time.monotonic_ns() - min(stamps)))
+        now_ns = time.monotonic_ns()
+        self._inference = max(self._inference, 1e-9 * (now_ns - min(stamps)))
+        if self._last_ns < now_ns:  # the servo takes none of its poses, and measures nothing
+            self._least_left = min(self._least_left, 1e-9 * (self._last_ns - now_ns))
 
     def timing(self) -> PlayTiming:
         """Return how the device has followed the chunks, from the newest report."""
         found = self.report.chunks
-        left = found.least_left if found.HasField("least_left") else math.inf
+        left = min(found.least_left if found.HasField("least_left") else math.inf, self._least_left)
         inference = max(self._inference, 0.0)
         return PlayTiming(
             chunks=found.chunks,

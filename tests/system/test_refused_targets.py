@@ -200,6 +200,7 @@ def test_a_chunk_that_is_late_as_a_whole_is_counted_and_told(robot, warnings):
         play.chunk(ramp(16), times=time.monotonic() - 0.6 + np.arange(16) / 30.0)
         until(lambda: play.timing().stale == 16, "the poses")
     assert "its last pose was due 0.1" in play.timing().refusal
+    assert play.timing().longest_inference == pytest.approx(0.5, abs=1e-6)
     until(lambda: warnings, "the event")
     assert warnings[0].startswith("a client's targets: chunk: its last pose was due 0.1")
     assert "so none is played; send longer chunks, or stamp them later" in warnings[0]
