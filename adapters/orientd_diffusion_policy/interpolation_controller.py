@@ -17,7 +17,7 @@ import threading
 import time
 from collections import deque
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -95,7 +95,7 @@ class RTDEInterpolationController:
         **settings: object,
     ) -> None:
         del shm_manager, robot_ip, lookahead_time, gain, settings
-        if not frequency > 0.0:
+        if not isinstance(frequency, SupportsFloat) or not float(frequency) > 0.0:
             raise RequestError("frequency", f"expected more than 0, got {frequency!r}")
         self._speeds = {"linear_velocity": max_pos_speed, "velocity": max_rot_speed}
         self._launch_timeout, self._spacing_ns = launch_timeout, 1e9 / frequency

@@ -1,5 +1,6 @@
 """The controller of diffusion_policy and UMI, with a real daemon behind it."""
 
+import math
 import time
 
 import numpy as np
@@ -94,16 +95,18 @@ def test_it_is_ready_once_started_and_refuses_poses_of_another_shape(daemon, con
     idle.stop()
 
 
-def test_a_start_that_is_refused_keeps_no_lease(daemon):
-    refused = RTDEInterpolationController(socket=daemon.socket, max_pos_speed=0.0)
+@pytest.mark.parametrize("speed", [0.0, 1e-12])
+def test_a_start_that_is_refused_keeps_no_lease(daemon, speed):
+    refused = RTDEInterpolationController(socket=daemon.socket, max_pos_speed=speed)
     with pytest.raises(RequestError, match="linear_velocity"):
         refused.start()
     assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases
 
 
 def test_what_is_asked_for_wrongly_or_too_early_is_an_error_of_its_own(daemon):
-    with pytest.raises(RequestError, match="frequency: expected more than 0, got 0"):
-        RTDEInterpolationController(frequency=0)
+    for wrong in (0, math.nan, "fast"):
+        with pytest.raises(RequestError, match=f"frequency: expected more than 0, got {wrong!r}"):
+            RTDEInterpolationController(frequency=wrong)
     idle = RTDEInterpolationController(socket=daemon.socket)
     for ask in (idle.get_state, idle.get_all_state):
         with pytest.raises(StateError, match="no state yet"):

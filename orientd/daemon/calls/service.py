@@ -380,7 +380,8 @@ class Service:
         device = self._devices.device(begin.device)
         try:
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
-            limits = limits_to_wish(begin.limits)
+            limits = device.limits.narrowed(limits_to_wish(begin.limits))
+            limits.check_range(1e-9 * device.period_ns)
             self._devices.check(begin.lease_token, device, caller.identity.key)
             with device.expecting() as expected:
                 track = partial(device.track, expected, limits, token=begin.lease_token)
