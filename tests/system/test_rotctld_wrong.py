@@ -159,3 +159,14 @@ def test_positions_are_answered_in_the_announced_ranges_during_moves(daemon):
         assert_inside(client, 2.0)
         assert client.ask("S") == ["RPRT 0"]
         assert_inside(client, 0.5)
+
+
+def test_a_device_stays_in_the_announced_ranges_on_its_way(daemon):
+    """The shorter way between some of these positions is through north."""
+    with rotctld(daemon, "--azimuth", "0:270", "--elevation", "0:60") as client:
+        assert client.ask("P 5 2") == ["RPRT 0"]
+        client.await_position(5.0, 2.0)
+        for azimuth, elevation in ((265.0, 2.0), (5.0, 59.0), (230.0, 1.0), (270.0, 60.0)):
+            assert client.ask(f"P {azimuth} {elevation}") == ["RPRT 0"]
+            assert_inside(client, 3.0)
+            client.await_position(azimuth, elevation)
