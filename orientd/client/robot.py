@@ -260,7 +260,13 @@ class Robot:
         return self._command(self._stub.Resume, device)
 
     def set_speed(self, speed: float, device: str = "") -> pb.DeviceReport:
-        """Run motions at *speed* from now on: above 0, and at most 1, which is as planned."""
+        """Run motions at *speed* from now on: above 0, and at most 1, which is as planned.
+
+        Raises:
+            RequestError: *speed* is not such a number.
+        """
+        if not isinstance(speed, SupportsFloat):
+            raise RequestError("speed", f"expected more than 0 and at most 1, got {speed!r}")
         return self._command(self._stub.SetSpeed, device, pb.SetSpeedRequest, speed=speed)
 
     def enable(self, device: str = "") -> pb.DeviceReport:

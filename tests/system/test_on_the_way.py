@@ -354,6 +354,8 @@ def test_what_cannot_be_asked_for_is_refused(robot):
     for how, field in (
         ({"blend_tolerance": 0.1}, "blend_tolerance"),
         ({"blend_tolerance": 4.0, "queue": True}, "blend_tolerance"),
+        ({"blend_tolerance": "wide", "queue": True}, "blend_tolerance: expected a number, got 'wi"),
+        ({"progress_rate_hz": None}, "progress_rate_hz: expected a number, got None"),
         ({"start_time": time.time() - 5.0}, "start_time"),
         ({"start_time": time.time() + 5.0, "queue": True}, "start_time"),
         (
@@ -363,3 +365,5 @@ def test_what_cannot_be_asked_for_is_refused(robot):
     ):
         with pytest.raises(RequestError, match=field):
             turn(robot, 0.4, **how)
+    with pytest.raises(RequestError, match="speed: expected more than 0 and at most 1, got 'slow'"):
+        robot.set_speed("slow")

@@ -1,5 +1,6 @@
 """A device of orientd as a robot of LeRobot."""
 
+import math
 from collections.abc import Sequence
 
 from lerobot.processor import RobotAction, RobotObservation
@@ -10,7 +11,7 @@ import orientd
 from lerobot_robot_orientd.config import OrientdConfig
 from orientd import rotation
 from orientd.client import Playing
-from orientd.errors import StateError
+from orientd.errors import RequestError, StateError
 
 POSE = ("ee.x", "ee.y", "ee.z", "ee.wx", "ee.wy", "ee.wz")
 """Position in m and rotation vector in rad, in the world, as LeRobot names them."""
@@ -42,7 +43,7 @@ class Orientd(Robot):
 
     @property
     def is_connected(self) -> bool:
-        """Whether the device takes actions."""
+        """Whether the daemon is connected: true until :meth:`disconnect`, also after a stop."""
         return self._play is not None
 
     @property
@@ -110,6 +111,10 @@ class Orientd(Robot):
             OrientdError: the device follows no more.
         """
         x, y, z, *vector = pose = [float(action[name]) for name in POSE]
+        for name, number in zip(POSE, pose, strict=True):
+            if not math.isfinite(number):
+                problem = f"expected a finite number, got {number}; leave out this action"
+                raise RequestError(name, problem)
         self._play.aim(
             {"rotation_vector": vector},
             position=(x, y, z),

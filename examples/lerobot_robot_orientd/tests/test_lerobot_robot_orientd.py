@@ -1,5 +1,6 @@
 """LeRobot itself drives a loopback device of a real daemon."""
 
+import math
 import os
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from lerobot.robots import RobotConfig
 from lerobot.robots.utils import make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
+
+from orientd.errors import RequestError
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +97,13 @@ def test_an_action_is_followed_and_observed_with_its_age(robot):
     assert observation.keys() == robot.observation_features.keys()
     assert robot.action_features.keys() == target.keys()
     assert observation["ee.age"] >= 0.0
+
+
+@pytest.mark.parametrize("name", ["ee.x", "ee.wz"])
+@pytest.mark.parametrize("number", [math.nan, math.inf])
+def test_an_action_that_is_not_finite_is_refused(robot, name, number):
+    with pytest.raises(RequestError, match=f"{name}: expected a finite number, got {number}"):
+        robot.send_action({**pose(), name: number})
 
 
 def test_without_a_new_action_the_device_comes_to_rest(robot):
