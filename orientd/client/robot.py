@@ -12,6 +12,7 @@ import os
 import sys
 import threading
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, SupportsFloat, Unpack
@@ -20,7 +21,7 @@ from orientd.client.channel import Way
 from orientd.client.connection import Connection, StartAt
 from orientd.client.leases import Leases
 from orientd.client.stop_call import ask_to_stop
-from orientd.errors import OrientdError, RequestError
+from orientd.errors import OrientdError, RequestError, StateError
 from orientd.protocol import CellReport
 from orientd.protocol import control_pb2 as pb
 
@@ -140,6 +141,7 @@ class Robot:
         self._leases = Leases(self._connection, holder=holder, beside=beside)
         self._moves: list[MoveHandle] = []
         self._moves_lock = threading.Lock()
+        self._stops: Counter[str] = Counter()
 
     def __enter__(self) -> Self:
         return self
@@ -241,6 +243,7 @@ class Robot:
 
     def _rest(self, kind: str, device: str) -> list[pb.DeviceReport]:
         connection, local = self._connection, self.local_socket
+        self._stops[device] += 1
         met = None if local is None else ask_to_stop(local, kind, device)
         if met is None:
             method = self._stub.Stop if kind == "stop" else self._stub.Halt
@@ -250,6 +253,11 @@ class Robot:
             return after_stop(connection, device)
         except OrientdError:
             return [_stopped_message(one) for one in met]
+
+    def _stops_of(self, device: str) -> int:
+        """Return how often this client has stopped a device; any device for an empty name."""
+        stops = self._stops.items()
+        return sum(count for name, count in stops if not device or name in ("", device))
 
     def pause(self, device: str = "") -> pb.DeviceReport:
         """Come to rest on the path; :meth:`resume` continues."""
@@ -442,13 +450,15 @@ class Robot:
         Raises:
             RequestError: the motion is malformed.
             LeaseError: another client holds the lease.
-            StateError: the device is not at rest and ready to move.
+            StateError: the device is not at rest and ready to move, or was stopped before the
+                motion began.
             PlanError: it cannot be planned, or would break a limit.
         """
         from orientd.client.motion_request import motion_request, plan_seconds
         from orientd.client.move_handle import MoveHandle
         from orientd.protocol import from_request
 
+        stops = self._stops_of(device)
         for name, number, step in (
             ("progress_rate_hz", progress_rate_hz, "give reports a second, 0.1 to 100"),
             ("blend_tolerance", blend_tolerance, "give an angle in rad, or 0 for no blend"),
@@ -479,6 +489,9 @@ class Robot:
         if not request.lease_token:
             # The call takes the lease by itself.
             request.holder, request.beside = self.holder, self._leases.beside
+        if self._stops_of(device) != stops:
+            # The daemon only knows of motions that it has been asked for.
+            raise StateError("stopped by this client before the motion was asked for")
         handle = MoveHandle(
             self._connection.call(self._stub.Move, request),
             explain=self._connection.explain,
@@ -490,6 +503,8 @@ class Robot:
         )
         if handle.lease is not None:
             self._leases.keep(handle.lease)
+        if self._stops_of(device) != stops:
+            handle.cancel()  # the request may have been on its way
         with self._moves_lock:
             self._moves = [*(move for move in self._moves if not move.is_done), handle]
         return handle

@@ -16,7 +16,7 @@ from harness import DEVICE, DaemonProcess, spin, until
 
 import orientd as package
 from orientd.client import ask_to_stop
-from orientd.errors import DaemonError
+from orientd.errors import DaemonError, StateError
 from orientd.first_stop import stop_folder
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import word
@@ -215,3 +215,17 @@ def test_a_folder_of_the_user_in_the_place_of_the_stop_sockets_is_left_alone(tmp
     done = orientd("run", "--socket", tmp_path / "robot")
     assert_refused(done, f"{thesis.parent} holds 'thesis.txt'", "choose another socket")
     assert thesis.read_text() == "precious"
+
+
+def test_a_client_that_stops_while_it_prepares_a_motion_does_not_begin_it(daemon):
+    with package.connect(daemon.socket) as robot:
+
+        def keyframes():
+            yield {"rotation_vector": [0.0, 0.0, 0.0]}
+            robot.stop()
+            yield {"rotation_vector": [0.0, 0.0, 0.5]}
+
+        number = daemon.device().motion_number
+        with pytest.raises(StateError, match="before the motion was asked for"):
+            robot.move(keyframes(), approach=True)
+        assert daemon.device().motion_number == number

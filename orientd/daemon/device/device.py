@@ -29,12 +29,7 @@ from orientd.daemon.leases import Lease, Leases
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.workers import DeviceWorkers, LoopErrors
 from orientd.driver import Explaining, Vector3, make_driver
-from orientd.errors import (
-    GOING_DOWN,
-    DaemonError,
-    Fault,
-    StateError,
-)
+from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
 from orientd.planner import Limits
 from orientd.protocol import control_pb2 as pb
 from orientd.stream import UNKNOWN, Command, Cycle, ServoState, unpack_cycle
@@ -156,7 +151,7 @@ class Device:
             workers=self.workers,
         )
         self.targets = TargetWriter(self._servo, self._axes)
-        self._lock = threading.RLock()
+        self._lock, self._stops_lock = threading.RLock(), threading.Lock()
         self._resetting = threading.Lock()
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
@@ -386,15 +381,19 @@ class Device:
         _log.info("%s: stop: %s", self.name, reason)
         self._servo.ask(Command.HALT if is_quickest else Command.STOP)
 
-    def note_stop(self, reason: str) -> None:
-        """Note the reason for a stop of the device."""
-        _note(self.unfinished(), reason)
-
     def _take_stops(self) -> None:
-        """Note by whom the device was stopped without the daemon."""
-        taken = self._servo.stops()
+        """Note by whom the device was stopped without the daemon.
+
+        Looking up the user may take long, and another thread may begin a motion meanwhile.
+        """
+        with self._stops_lock:
+            taken = self._servo.stops()
+            met = [queued for queued in self.unfinished() if taken and not queued.reason]
+            _note(met, STOPPED)
         if taken and self._stops is not None:
-            self.note_stop(f"stopped by {self._stops.log_stops(self.name, taken)}")
+            who = self._stops.log_stops(self.name, taken)
+            for queued in met:
+                queued.reason = f"stopped by {who}"
 
     def abandon(self, queued: QueuedMotion, reason: str) -> None:
         """End a motion, and nothing that runs before it.

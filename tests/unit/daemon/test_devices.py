@@ -70,6 +70,27 @@ def servo(arm):
     return servo_of(arm)
 
 
+class Names:
+    """Record stops of one user; the name service may answer late."""
+
+    def __init__(self):
+        self.is_asked, self.may_answer = threading.Event(), threading.Event()
+        self.may_answer.set()
+
+    def log_stops(self, device, stops):
+        self.is_asked.set()
+        assert self.may_answer.wait(10.0)
+        return "ben"
+
+
+@pytest.fixture
+def names(arm, monkeypatch):
+    """Return what names the users that stop the arm without the daemon."""
+    names = Names()
+    monkeypatch.setattr(arm, "_stops", names)
+    return names
+
+
 def plan(devices, device, request=MOTION):
     motion = asyncio.run(device.plan(order_of(request)))
     devices.plans.keep(device.name, motion)
@@ -191,9 +212,10 @@ def test_a_lease_that_is_lost_while_a_motion_is_planned_keeps_it_from_beginning(
     assert servo.asked == []
 
 
+@pytest.mark.usefixtures("names")
 def test_a_stop_while_a_motion_is_started_stops_it(devices, arm, servo):
     # The stop finds the device still at rest.
-    servo.during_start = lambda: arm.note_stop("stopped by ben")
+    servo.during_start = lambda: servo.memory.stops.publish(False, 1, 2, 3)
     run = begin(devices, arm, devices.leases.acquire("ana").token)
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
 
@@ -221,15 +243,16 @@ def test_the_reason_of_a_stop_is_not_that_of_a_later_one(devices, arm, servo):
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped on its path")
 
 
+@pytest.mark.usefixtures("names")
 def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(devices, arm, servo):
     token = devices.leases.acquire("ana").token
     run = begin(devices, arm, token)
-    arm.note_stop("halted by 'ben'")
+    servo.memory.stops.publish(False, 1, 2, 3)
     servo.be(ServoState.STOPPING)
     with pytest.raises(StateError, match="not holding"):
         start(arm, token, run.motion)
     servo.be(ServoState.HOLDING)
-    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "halted by 'ben'")
+    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
 
 
 def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(devices, arm, servo):
@@ -272,6 +295,27 @@ def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):
     assert arm.unfinished() == []
     # Its beginning and its end may both have found it, and each stops it.
     assert (servo.asked[0], {*servo.asked[1:]}) == ("start", {"stop"})
+
+
+def test_a_stop_counts_before_the_name_of_its_user_is_known(devices, arm, servo, names):
+    token = devices.leases.acquire("ana").token
+    names.may_answer.clear()
+
+    async def begin():
+        motion = await arm.plan(order_of(MOTION))
+        with arm.expecting() as run:
+            servo.memory.stops.publish(False, 1, 2, 3)
+            watching = threading.Thread(target=partial(tend, arm))
+            watching.start()
+            assert names.is_asked.wait(10.0)
+            with pytest.raises(StateError, match="was stopped before it began"):
+                await arm.run(run, motion, token=token)
+            names.may_answer.set()
+            watching.join(10.0)
+            assert run.reason == "stopped by ben"
+
+    asyncio.run(begin())
+    assert "start" not in servo.asked
 
 
 def test_a_kept_plan_is_found_by_its_name_and_device(devices, arm):
