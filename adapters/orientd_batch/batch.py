@@ -8,159 +8,177 @@ resumes after the last part, and ends with the same files as any other.
 from __future__ import annotations
 
 import functools
+import hashlib
 import itertools
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import pyarrow as arrow
+from pyarrow import parquet
 
+from orientd import motion_file
 from orientd.config import DeviceSettings
 from orientd.errors import OrientdError
 from orientd.files import MEBIBYTE, read_bounded, written
-from orientd.planner import in_parallel, need_backend
-from orientd_batch.request_file import Requests
-from orientd_batch.rows import COLUMNS, RECORD, Part, Planned, plan_part
+from orientd.planner import Motion, in_parallel
+from orientd_batch.requests import Request, read_requests
 
 PART = 200
 """Requests of a part."""
 
-FORMAT = 1
+_PEAKS = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
+_FIGURES = ("duration", "lead_in", "lead_out", "start_velocity_error", "end_velocity_error",
+            "keyframe_error", "brake_rate", "stop_time", "usual_stop_time")  # fmt: skip
+_VECTORS = ("omega_body", "alpha_body", "position")
+RECORD = ("qw", "qx", "qy", "qz", *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"))
+"""Columns of the records, in addition to ``row`` and ``record``: setpoints in rad, m and s."""
 
 
-class Batch:
-    """The requests of one file and their plans in one folder.
+def _schema(integers: Sequence[str], texts: Sequence[str], floats: Sequence[str]) -> Any:  # noqa: ANN401 - of Arrow
+    kinds = ((integers, arrow.int64()), (texts, arrow.string()), (floats, arrow.float64()))
+    return arrow.schema([(name, kind) for names, kind in kinds for name in names])
 
-    Attributes:
-        table: the file with a row for each request, once all are done.
-        count: number of requests.
-        done: number of planned or refused requests, including earlier runs.
-        begun_with: number of requests that earlier runs had done.
+
+_ROWS = _schema(
+    ("row", "records"),
+    ("name", "outcome", "refusal", "notes"),
+    (*_FIGURES, *(f"{kind}_{name}" for name in _PEAKS for kind in ("peak", "limit"))),
+)
+_RECORDS = _schema(("row", "record"), (), RECORD)
+
+
+def plan_file(
+    requests: Path,
+    folder: Path,
+    device: DeviceSettings,
+    *,
+    has_records: bool,
+    **cluster: Any,  # noqa: ANN401 - the arguments of another function
+) -> Iterator[tuple[int, int]]:
+    """Plan all requests of a file that are not planned yet.
+
+    Args:
+        requests: the file; see :func:`~orientd_batch.requests.read_requests`.
+        folder: for ``plans.parquet``; created if it does not exist.
+        device: rate, limits and driver.
+        has_records: whether the records are written too.
+        cluster: ``backend``, ``jobs`` and ``address`` of :func:`~orientd.planner.in_parallel`.
+
+    Yields:
+        At first and after each part: the number of planned or refused requests, including earlier
+        runs, and the number of requests.
+
+    Raises:
+        OrientdError: the folder holds another batch, or a file cannot be read or written.
     """
+    count = sum(1 for _ in read_requests(requests))
+    _check_folder(folder, {
+        "format": 1,
+        "requests": hashlib.sha256(requests.read_bytes()).hexdigest(),
+        "device": json.loads(device.model_dump_json()),
+        "records": has_records,
+        "part": PART,
+    })  # fmt: skip
+    table, firsts = folder / "plans.parquet", range(0, count, PART)
+    parts = {first: folder / "parts" / f"{first // PART:06d}.parquet" for first in firsts}
+    waiting = [one for one in firsts if not (table.exists() or parts[one].exists())]
+    done = min(count, PART * (len(firsts) - len(waiting)))
+    yield done, count
+    if table.exists():
+        return
+    work = functools.partial(plan_part, device=device, has_records=has_records)
+    given = read_requests(requests)
+    tasks = ((first, list(itertools.islice(given, PART))) for first in firsts)
+    for first, rows, records in in_parallel(
+        work, (one for one in tasks if one[0] in waiting), **cluster
+    ):
+        if has_records:
+            _write(records, folder / "records" / parts[first].name)
+        _write(rows, parts[first])  # last: the part is done once it is there
+        done += rows.num_rows
+        yield done, count
+    with written(table) as path, parquet.ParquetWriter(path, _ROWS) as writer:
+        for part in parts.values():
+            writer.write_table(parquet.read_table(part))
+    shutil.rmtree(folder / "parts")
 
-    def __init__(
-        self,
-        requests: Requests,
-        folder: Path,
-        device: DeviceSettings,
-        *,
-        has_records: bool = False,
-        backend: str = "loky",
-        jobs: int = -1,
-        address: str | None = None,
-    ) -> None:
-        """Check the present content of the folder.
 
-        Args:
-            requests: the file.
-            folder: for the plans; created if it does not exist.
-            device: rate, limits and driver.
-            has_records: whether the records are written too.
-            backend: ``loky``, ``ray`` or ``dask``.
-            jobs: parallel parts; -1 for one on each core.
-            address: of a cluster.
+def _check_folder(folder: Path, asked: Mapping[str, object]) -> None:
+    """Describe a batch in its folder, or check that this is done already.
 
-        Raises:
-            OrientdError: the folder holds another batch or something else, or cannot be written; or
-                the backend is not installed.
-        """
-        need_backend(backend)
-        self._requests, self._folder, self._has_records = requests, folder, has_records
-        self._work = functools.partial(plan_part, device=device, has_records=has_records)
-        self._cluster: dict[str, Any] = {"backend": backend, "jobs": jobs, "address": address}
-        self.table, self._parts = folder / "plans.parquet", folder / "parts"
-        self.count = requests.count
-        asked = {
-            "format": FORMAT,
-            "requests": requests.digest,
-            "device": json.loads(device.model_dump_json()),
-            "records": has_records,
-            "part": PART,
-        }
-        label = folder / "batch.json"
+    Raises:
+        OrientdError: the folder holds another batch or something else, or cannot be written.
+    """
+    label = folder / "batch.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not label.exists():
+            with written(label) as path:
+                path.write_text(json.dumps(asked, indent=1))
+        found = json.loads(read_bounded(label, MEBIBYTE))
+        differing = [name for name in asked if found.get(name) != asked[name]]
+    except (OSError, ValueError, AttributeError, RecursionError) as error:
+        raise OrientdError(f"cannot use {folder}: {error}") from error
+    if differing:
+        raise OrientdError(
+            f"{folder} holds a batch with other {' and '.join(differing)}; expected a new "
+            "folder, or the same request file, device and options as before"
+        )
+
+
+def _write(table: Any, path: Path) -> None:  # noqa: ANN401 - of Arrow
+    path.parent.mkdir(exist_ok=True)
+    with written(path) as part:
+        parquet.write_table(table, part)
+
+
+def plan_part(
+    part: tuple[int, Sequence[Request]], *, device: DeviceSettings, has_records: bool
+) -> tuple[int, Any, Any]:
+    """Plan some requests for a device.
+
+    Args:
+        part: row of the first request, and the requests.
+        device: rate, limits and driver.
+        has_records: whether to return records too.
+
+    Returns:
+        Row of the first request; the table with a row for each request: its certificate, or the
+        reason of its refusal; the table of the records.
+    """
+    planner, rows, records = device.planner(), [], [_RECORDS.empty_table()]
+    for row, given in enumerate(part[1], part[0]):
+        entries: dict[str, Any] = {"row": row, "name": ""}
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            if not label.exists():
-                with written(label) as path:
-                    path.write_text(json.dumps(asked, indent=1))
-            found = json.loads(read_bounded(label, MEBIBYTE))
-        except (OSError, ValueError, RecursionError) as error:
-            raise OrientdError(f"cannot use {folder}: {error}") from error
-        known = found if isinstance(found, dict) else {}
-        differing = [name for name in asked if known.get(name) != asked[name]]
-        if differing:
-            raise OrientdError(
-                f"{folder} holds a batch with other {' and '.join(differing)}; expected a new "
-                "folder, or the same request file, device and options as before"
-            )
-        self._numbers = range(-(-self.count // PART))
-        self._waiting = [number for number in self._numbers if not self._part(number).exists()]
-        if self.table.exists():
-            self._waiting = []
-        done = PART * (len(self._numbers) - len(self._waiting))
-        self.done = self.begun_with = min(self.count, done)
-
-    def run(self) -> Iterator[None]:
-        """Plan all remaining requests; yield whenever :attr:`done` has changed.
-
-        Raises:
-            OrientdError: a file cannot be read or written, or the backend is not available.
-        """
-        yield
-        if self.table.exists():
-            return
-        self._parts.mkdir(exist_ok=True)
-        for planned in in_parallel(self._work, self._tasks(), **self._cluster):
-            self._write(planned)
-            self.done += len(planned.rows)
-            yield
-        from pyarrow import parquet
-
-        with written(self.table) as path, parquet.ParquetWriter(path, _schema()) as writer:
-            for number in self._numbers:
-                writer.write_table(parquet.read_table(self._part(number)))
-        shutil.rmtree(self._parts)
-
-    def _tasks(self) -> Iterator[Part]:
-        each = self._requests.each()
-        for number in self._numbers:
-            requests = list(itertools.islice(each, PART))
-            if number in self._waiting:
-                yield Part(number, number * PART, requests)
-
-    def _part(self, number: int) -> Path:
-        return self._parts / f"{number:06d}.parquet"
-
-    def _write(self, planned: Planned) -> None:
-        import pyarrow as arrow
-        from pyarrow import parquet
-
-        if self._has_records:
-            records = self._folder / "records" / f"{planned.number:06d}.parquet"
-            records.parent.mkdir(exist_ok=True)
-            with written(records) as path:
-                parquet.write_table(arrow.table(_records(planned)), path)
-        # Last: the part is done once it is there.
-        with written(self._part(planned.number)) as path:
-            parquet.write_table(arrow.Table.from_pylist(planned.rows, schema=_schema()), path)
+            mapping = json.loads(given) if isinstance(given, str) else given
+            name = mapping.get("name") if isinstance(mapping, dict) else None
+            entries["name"] = name if isinstance(name, str) else ""
+            motion = planner.plan_offline(motion_file.parse(mapping))
+        except (OrientdError, ValueError, RecursionError) as error:
+            is_ours = isinstance(error, OrientdError)
+            refusal = str(error) if is_ours else f"not JSON: {error}"
+            entries |= {"outcome": "refused", "refusal": refusal}
+        else:
+            entries |= _certified(motion)
+            if has_records:
+                count = range(motion.record_count)
+                columns = motion.rows(0, len(count)).T[: len(RECORD)]
+                table = [arrow.array([row] * len(count)), arrow.array(count), *columns]
+                records.append(arrow.table(table, schema=_RECORDS))
+        rows.append(entries)
+    return part[0], arrow.Table.from_pylist(rows, schema=_ROWS), arrow.concat_tables(records)
 
 
-def _schema() -> Any:  # noqa: ANN401 - a schema of Arrow
-    import pyarrow as arrow
-
-    return arrow.schema([(name, getattr(arrow, kind)()) for name, kind in COLUMNS.items()])
-
-
-def _records(planned: Planned) -> dict[str, Any]:
-    """Return the columns of a table of records."""
-    counts = [len(records) for _, records in planned.records]
-    records = np.concatenate(
-        [np.zeros((0, len(RECORD))), *(records for _, records in planned.records)]
-    )
-    return {
-        "row": np.repeat(np.array([row for row, _ in planned.records], np.int64), counts),
-        "record": np.concatenate([np.zeros(0, int), *map(np.arange, counts)]),
-        **{name: records[:, k] for k, name in enumerate(RECORD)},
-    }
+def _certified(motion: Motion) -> dict[str, Any]:
+    certificate = motion.certificate
+    row: dict[str, Any] = {"outcome": "planned", "records": motion.record_count}
+    row |= {name: getattr(certificate, name) for name in _FIGURES}
+    for name in _PEAKS:
+        peak = getattr(certificate, f"peak_{name}")
+        row |= {f"peak_{name}": peak.value, f"limit_{name}": peak.limit}
+    row["notes"] = "; ".join(certificate.notes)
+    # A figure that is not a number is missing in the table.
+    return {name: entry for name, entry in row.items() if entry == entry}

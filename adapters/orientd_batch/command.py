@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import math
+import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import click
 
-from orientd.cli.command import ConfigFile, DeviceName, device_settings
-from orientd.cli.output import Output, is_terminal
+from orientd.cli.command import ConfigFile, DeviceName, device_settings, need_extra
+from orientd.cli.output import LiveLine, Output, is_terminal
 from orientd.cli.parameters import Argument, Option, command
 from orientd.errors import OrientdError
-
-if TYPE_CHECKING:
-    from orientd_batch import Batch
+from orientd.planner import need_backend
 
 _INTERVAL = 5.0
 """Interval between two plain lines, s."""
@@ -57,36 +57,33 @@ def batch(
     certificate or the reason for a refusal.  To continue an interrupted run, give the same command
     again.
     """
-    from orientd_batch import Batch, open_requests
+    need_extra("batch")
+    from orientd_batch.batch import plan_file
 
     if jobs == 0 or jobs < -1:
         raise click.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
-    run = Batch(
-        open_requests(file), output, device_settings(config, device),
-        has_records=records, backend=backend, jobs=jobs, address=address,
-    )  # fmt: skip
-    began, shown = time.monotonic(), 0.0
+    need_backend(backend)
+    line = LiveLine(sys.stdout) if is_terminal() and not out.as_json else None
+    began, shown, done, begun_with = time.monotonic(), -math.inf, 0, 0
     try:
-        for _ in run.run():
+        for done, count in plan_file(
+            file, output, device_settings(config, device),
+            has_records=records, backend=backend, jobs=jobs, address=address,
+        ):  # fmt: skip
             now = time.monotonic()
-            if not out.as_json and (is_terminal() or now >= shown + _INTERVAL):
-                shown = now
-                _show(run, now - began, out)
+            begun_with = begun_with if shown > 0.0 else done
+            if line is None and now < shown + _INTERVAL:
+                continue
+            shown = now
+            text = f"{done:,} of {count:,} requests ({done / max(1, count):.0%})"
+            if rate := (done - begun_with) / max(1e-9, now - began):
+                text += f", {rate:,.0f} a second, {(count - done) / rate:,.0f} s left"
+            (out.say if line is None else line.show)(text)
     except KeyboardInterrupt:
         raise OrientdError(
-            f"interrupted with {run.done:,} requests done; run the same command to continue"
+            f"interrupted with {done:,} requests done; run the same command to continue"
         ) from None
-    if is_terminal():
-        out.say("")
-    out.answer({"plans": run.table, "count": run.count}, f"wrote {run.table}")
-
-
-def _show(run: Batch, seconds: float, out: Output) -> None:
-    text = f"{run.done:,} of {run.count:,} requests ({run.done / max(1, run.count):.0%})"
-    rate = (run.done - run.begun_with) / max(1e-9, seconds)
-    if rate > 0.0:
-        text += f", {rate:,.0f} a second, {(run.count - run.done) / rate:,.0f} s left"
-    if is_terminal():
-        print(f"\r{text}\x1b[K", end="", flush=True)  # noqa: T201
-    else:
-        out.say(text)
+    if line is not None:
+        line.end()
+    table = output / "plans.parquet"
+    out.answer({"plans": table, "count": count}, f"wrote {table}")

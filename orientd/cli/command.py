@@ -194,6 +194,7 @@ def check_picture(path: Path, *, named: str = "--plot") -> None:
 
 
 _EXTRAS = {
+    "batch": ("joblib", "pyarrow"),
     "mavlink": ("pymavlink",),
     "record": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"),
     "view": ("websockets",),

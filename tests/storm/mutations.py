@@ -19,7 +19,7 @@ from orientd.protocol import control_pb2 as pb
 from orientd.recorder import RecordingWriter, load_recording, marks
 from orientd.recorder.mcap_file import Damages, records
 from orientd.recorder.tables import columns
-from orientd_batch import open_requests
+from orientd_batch.requests import read_requests
 from orientd_replay import read_orientations
 
 MOST_MIB = 300
@@ -171,7 +171,7 @@ def read(path):
             motion_file.loads(one.encode(), "one.json")
             if isinstance(one, str)
             else motion_file.parse(one)
-            for one in open_requests(path).each()
+            for one in read_requests(path)
         ]
     elif path.suffix in (".yaml", ".json"):
         yield lambda: motion_file.load(path)

@@ -19,7 +19,7 @@ from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import from_request, target_from_message, to_request
 from orientd.rotation import angle, from_euler, normalize
-from orientd_batch import open_requests
+from orientd_batch.requests import read_requests
 
 CASES = int(os.environ.get("ORIENTD_CASES", "30"))
 FIRST = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}
@@ -52,7 +52,7 @@ def by_table(q):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "one.csv"
         path.write_text("\n".join(["motion,qw,qx,qy,qz", *rows]), encoding="utf-8")
-        (motion,) = open_requests(path).each()
+        (motion,) = read_requests(path)
     return parse(motion)
 
 

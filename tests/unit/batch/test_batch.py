@@ -18,8 +18,9 @@ from orientd.cli.command import device_settings
 from orientd.cli.main import app
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.planner import offline
-from orientd_batch import Batch, batch, open_requests
-from orientd_batch.rows import RECORD
+from orientd_batch import batch
+from orientd_batch.batch import RECORD, plan_file
+from orientd_batch.requests import read_requests
 
 pytestmark = pytest.mark.filterwarnings("ignore:resource_tracker:UserWarning")
 
@@ -55,21 +56,16 @@ def file(tmp_path):
     return path
 
 
-@pytest.fixture
-def requests(file):
-    return open_requests(file)
-
-
-def planned(requests, folder, parts=None, *, jobs=1, **more):
+def planned(file, folder, parts=None, *, jobs=1, has_records=False):
     """Run a batch, to its end or for some parts, and return its rows."""
-    run = Batch(requests, folder, DEVICE, jobs=jobs, **more)
-    for _ in itertools.islice(run.run(), parts):
+    run = plan_file(file, folder, DEVICE, jobs=jobs, has_records=has_records)
+    for _ in itertools.islice(run, parts):
         pass
-    return parquet.read_table(run.table).to_pylist() if parts is None else None
+    return parquet.read_table(folder / "plans.parquet").to_pylist() if parts is None else None
 
 
-def test_each_request_has_its_row_with_its_certificate_or_its_refusal(requests, tmp_path):
-    rows = planned(requests, tmp_path / "plans")
+def test_each_request_has_its_row_with_its_certificate_or_its_refusal(file, tmp_path):
+    rows = planned(file, tmp_path / "plans")
     assert [row["row"] for row in rows] == list(range(6))
     assert [row["name"] for row in rows] == ["one", "two", "alone", "typo", "", ""]
     assert [row["outcome"] for row in rows] == [
@@ -88,22 +84,22 @@ def test_each_request_has_its_row_with_its_certificate_or_its_refusal(requests, 
     assert rows[1]["lead_out"] == certificate.lead_out > 0.0
 
 
-def test_a_batch_that_was_ended_goes_on_to_the_same_file(requests, tmp_path):
-    planned(requests, tmp_path / "whole")
-    planned(requests, tmp_path / "ended", parts=2)
+def test_a_batch_that_was_ended_goes_on_to_the_same_file(file, tmp_path):
+    planned(file, tmp_path / "whole")
+    planned(file, tmp_path / "ended", parts=2)
     assert len(list((tmp_path / "ended" / "parts").glob("*.parquet"))) == 1
-    planned(requests, tmp_path / "ended")
+    planned(file, tmp_path / "ended")
     one, other = (tmp_path / name / "plans.parquet" for name in ("whole", "ended"))
     assert one.read_bytes() == other.read_bytes()
     assert not (tmp_path / "ended" / "parts").exists()
 
 
-def test_workers_make_the_same_file(requests, tmp_path):
-    assert planned(requests, tmp_path / "one") == planned(requests, tmp_path / "two", jobs=2)
+def test_workers_make_the_same_file(file, tmp_path):
+    assert planned(file, tmp_path / "one") == planned(file, tmp_path / "two", jobs=2)
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_a_table_says_the_same_as_lines_do(requests, tmp_path, ending):
+def test_a_table_says_the_same_as_lines_do(file, tmp_path, ending):
     rows = [
         {
             "motion": str(number), **{f"q{k}": part for k, part in keyframe["quaternion"].items()},
@@ -116,14 +112,14 @@ def test_a_table_says_the_same_as_lines_do(requests, tmp_path, ending):
     ]  # fmt: skip
     path, table = tmp_path / f"requests.{ending}", arrow.Table.from_pylist(rows)
     (csv.write_csv if ending == "csv" else parquet.write_table)(table, path)
-    expected = planned(requests, tmp_path / "lines")
+    expected = planned(file, tmp_path / "lines")
     expected = [row | {"row": 0} for row in expected if row["row"] not in (3, 5)]
-    found = planned(open_requests(path), tmp_path / "table")
+    found = planned(path, tmp_path / "table")
     assert [row | {"row": 0} for row in found] == expected
 
 
-def test_records_are_those_of_the_motion(requests, tmp_path):
-    planned(requests, tmp_path / "plans", has_records=True)
+def test_records_are_those_of_the_motion(file, tmp_path):
+    planned(file, tmp_path / "plans", has_records=True)
     records = parquet.read_table(tmp_path / "plans" / "records" / "000000.parquet")
     request = motion_file.parse(MOTIONS[1])
     made = planner.plan(
@@ -136,10 +132,10 @@ def test_records_are_those_of_the_motion(requests, tmp_path):
     np.testing.assert_array_equal(found, made.rows(0, made.record_count)[:, :13])
 
 
-def test_another_batch_in_the_folder_is_refused(requests, tmp_path):
-    planned(requests, tmp_path / "plans", parts=1)
+def test_another_batch_in_the_folder_is_refused(file, tmp_path):
+    planned(file, tmp_path / "plans", parts=1)
     with pytest.raises(OrientdError, match="a batch with other records; expected a new folder"):
-        Batch(requests, tmp_path / "plans", DEVICE, has_records=True)
+        planned(file, tmp_path / "plans", has_records=True)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +153,7 @@ def test_a_file_that_is_none_of_requests_is_refused(tmp_path, name, content, say
     if content is not None:
         (tmp_path / name).write_text(content)
     with pytest.raises(OrientdError, match=says):
-        open_requests(tmp_path / name)
+        list(read_requests(tmp_path / name))
 
 
 def test_many_motions_come_in_order_with_refusals_in_their_places():
