@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from orientd.client import Robot, certificate_files
+from orientd.client import Offset, Robot, certificate_files
 from orientd.client import connect as connect_daemon
 from orientd.errors import DaemonError, OrientdError
 from orientd_fleet.access import common_name, session_configuration, tls_configuration
@@ -259,6 +259,17 @@ class Fleet:
 
         with self._news:
             return self._clocks.setdefault(daemon, ClockOffset(ask))
+
+    def offset(self, daemon: str) -> Offset:
+        """Measure how far a daemon's clock is ahead of ours.
+
+        Raises:
+            DaemonError: it does not answer.
+        """
+        offset = self.clock(daemon).measure()
+        if offset is None:
+            raise DaemonError(f"{daemon} does not tell its time")
+        return offset
 
     # Stop
 

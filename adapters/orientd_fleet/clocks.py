@@ -1,10 +1,4 @@
-"""Estimate the offset of another machine's monotonic clock from ours, and its error bound.
-
-A daemon reads its clock at some instant between our request and its answer.  Its offset therefore
-lies in an interval as long as the round trip (Cristian, 1989).  Clock drift widens older intervals.
-The offset lies in the intersection of many such intervals, which gives the bound (Marzullo, 1984).
-Within it the estimate is the mean of the shortest trips, because their two delays differ least.
-"""
+"""Measure the offset of another machine's monotonic clock with many questions at once."""
 
 from __future__ import annotations
 
@@ -13,13 +7,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from orientd.client import Offset, Trip, clock_offset
 
 KEPT = 256
 """Round trips that are remembered."""
-
-DRIFT = 5e-4
-"""The most by which two clocks run apart, s per s: as much as the kernel ever slews one."""
 
 BURST = 40
 """Round trips of one measurement."""
@@ -27,40 +19,11 @@ BURST = 40
 SPACING = 0.005
 """How long an answer is waited for before the next question is sent, s: a slow link is not idle."""
 
-SHORTEST = 4
-"""One trip in so many, the shortest, counts for the estimate."""
-
 PATIENCE = 1.0
 """How long the last answers are waited for, s."""
 
 Ask = Callable[[Callable[[int], None]], object]
 """Asks for the other clock's reading, ns, and hands it to a function once it is here."""
-
-
-@dataclass(frozen=True, slots=True)
-class Offset:
-    """How far another clock is ahead of ours.
-
-    Attributes:
-        ns: by how much.
-        bound_ns: how far that may be wrong, either way.
-    """
-
-    ns: int
-    bound_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Trip:
-    asked_ns: int
-    answered_ns: int
-    there_ns: int
-
-    def offset(self, at_ns: int) -> Offset:
-        """Return the offset by this trip, as loose as it is at another time."""
-        middle = (self.asked_ns + self.answered_ns) // 2
-        bound = (self.answered_ns - self.asked_ns + 1) // 2
-        return Offset(self.there_ns - middle, bound + round(abs(at_ns - middle) * DRIFT))
 
 
 class ClockOffset:
@@ -75,7 +38,7 @@ class ClockOffset:
         """
         self._ask, self._now_ns = ask, now_ns
         self._lock = threading.Lock()
-        self._trips: deque[_Trip] = deque(maxlen=KEPT)
+        self._trips: deque[Trip] = deque(maxlen=KEPT)
 
     def measure(self, trips: int = BURST) -> Offset | None:
         """Make some round trips; return the offset now, ``None`` if no answer ever came."""
@@ -91,7 +54,7 @@ class ClockOffset:
     def _hear(self, asked_ns: int, is_heard: threading.Event, there_ns: int) -> None:
         answered_ns = self._now_ns()
         with self._lock:
-            self._trips.append(_Trip(asked_ns, answered_ns, there_ns))
+            self._trips.append(Trip(asked_ns, there_ns, answered_ns))
         is_heard.set()
 
     @property
@@ -104,15 +67,4 @@ class ClockOffset:
     def at(self, time_ns: int) -> Offset | None:
         """Return the offset at a time of our clock; ``None`` before the first trip."""
         with self._lock:
-            offsets = [trip.offset(time_ns) for trip in self._trips]
-        if not offsets:
-            return None
-        offsets.sort(key=lambda offset: offset.bound_ns)
-        low = max(offset.ns - offset.bound_ns for offset in offsets)
-        high = min(offset.ns + offset.bound_ns for offset in offsets)
-        if low > high:  # of a machine that was suspended, or a clock that ran faster than any may
-            return offsets[0]
-        shortest = offsets[: max(1, len(offsets) // SHORTEST)]
-        mean = sum(offset.ns for offset in shortest) // len(shortest)
-        ns = min(max(mean, low), high)
-        return Offset(ns, max(ns - low, high - ns))
+            return clock_offset(self._trips, time_ns) if self._trips else None

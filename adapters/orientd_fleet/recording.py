@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from orientd.errors import DaemonError, OrientdError
+from orientd.client import Offset
+from orientd.errors import OrientdError
 from orientd.recorder import DaemonRecorder, LiveRecording, RecordingError
-from orientd_fleet.clocks import Offset
 
 if TYPE_CHECKING:
     from orientd.recorder import RecordingWriter
@@ -25,28 +25,15 @@ _AGAIN = 1.0
 """Time after which a daemon that was lost is recorded again, s."""
 
 
-class HeldOffset:
-    """A clock's offset that changes no more than the measurements demand.
+def kept_offset(held: Offset | None, newest: Offset) -> Offset:
+    """Return the offset from a measurement on, and how far it may be wrong.
 
     It stays as it was while that is within the newest bound.  Otherwise it moves to the nearest end
     of that bound, so that times do not jump with every estimate.
     """
-
-    def __init__(self) -> None:
-        """Hold nothing yet."""
-        self._held: Offset | None = None
-
-    @property
-    def ns(self) -> int:
-        """The offset; 0 before the first measurement."""
-        return 0 if self._held is None else self._held.ns
-
-    def take(self, offset: Offset) -> Offset:
-        """Take a measurement; return the offset from now on, and how far it may be wrong."""
-        low, high = offset.ns - offset.bound_ns, offset.ns + offset.bound_ns
-        ns = offset.ns if self._held is None else min(max(self._held.ns, low), high)
-        self._held = Offset(ns, max(ns - low, high - ns))
-        return self._held
+    low, high = newest.ns - newest.bound_ns, newest.ns + newest.bound_ns
+    ns = newest.ns if held is None else min(max(held.ns, low), high)
+    return Offset(ns, max(ns - low, high - ns))
 
 
 class FleetRecording(LiveRecording):
@@ -106,20 +93,20 @@ class FleetRecording(LiveRecording):
 
     def _record(self, writer: RecordingWriter, daemon: str) -> None:
         """Record one daemon until it leaves, or :meth:`end`."""
-        clock, held = self._fleet.clock(daemon), HeldOffset()
+        held: Offset | None = None
 
         def measure() -> None:
-            offset = clock.measure()
-            if offset is None:
-                raise DaemonError(f"{daemon} does not tell its time")
-            kept = held.take(offset)
+            nonlocal held
+            held = kept_offset(held, self._fleet.offset(daemon))
             writer.add_clock(
-                daemon, time_ns=time.monotonic_ns(), offset_ns=kept.ns, bound_ns=kept.bound_ns
+                daemon, time_ns=time.monotonic_ns(), offset_ns=held.ns, bound_ns=held.bound_ns
             )
 
         with self._fleet.robot(daemon, holder="orientd fleet record") as robot:
-            recorder = DaemonRecorder(robot, daemon=daemon, shift_ns=lambda: held.ns)
             measure()
+            recorder = DaemonRecorder(
+                robot, daemon=daemon, shift_ns=lambda: 0 if held is None else held.ns
+            )
             configuration = recorder.observer.configuration()
             recorder.run(writer, configuration, self, on_state=measure)
 

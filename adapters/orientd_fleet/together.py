@@ -16,11 +16,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from orientd.client import MoveHandle, Robot, StartAt
+from orientd.client import MoveHandle, Offset, Robot, StartAt
 from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.protocol import GOOD_OUTCOMES
 from orientd.protocol import control_pb2 as pb
-from orientd_fleet.clocks import Offset
 from orientd_fleet.plan_file import START_IN, FleetMotion
 
 if TYPE_CHECKING:
@@ -119,8 +118,7 @@ def move_together(
         plans = list(pool.map(lambda one: _plan(robots[one.daemon], one), ordered))
         for attempt in range(1, ATTEMPTS + 1):
             tell("measuring clocks")
-            measured = pool.map(lambda name: _offset(fleet, name), robots)
-            offsets = dict(zip(robots, measured, strict=True))
+            offsets = dict(zip(robots, pool.map(fleet.offset, robots), strict=True))
             starts, start_ns = _starts(fleet, offsets, start_in)
             tell(f"starting in {(start_ns - time.monotonic_ns()) * 1e-9:.2f} s")
             begun = [
@@ -163,13 +161,6 @@ def _take_leases(
 def _plan(robot: Robot, one: FleetMotion) -> pb.Plan:
     with _naming(str(one)):
         return robot.plan(one.request, device=one.device)
-
-
-def _offset(fleet: Fleet, daemon: str) -> Offset:
-    offset = fleet.clock(daemon).measure()
-    if offset is None:
-        raise DaemonError(f"{daemon} does not tell its time")
-    return offset
 
 
 def _starts(

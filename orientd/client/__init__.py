@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from orientd.client.channel import Way, certificate_files, default_socket, found_socket, target
     from orientd.client.clutch import Anchor, Clutch
     from orientd.client.connection import Connection, StartAt
-    from orientd.client.daemon_clock import Offset
+    from orientd.client.daemon_clock import DRIFT, Offset, Trip, clock_offset
     from orientd.client.endless_turn import EndlessTurn
     from orientd.client.motion_request import RequestFields
     from orientd.client.move_handle import MoveHandle
@@ -40,7 +40,7 @@ __getattr__ = lazily(
         ),
         "orientd.client.clutch": ("Anchor", "Clutch"),
         "orientd.client.connection": ("Connection", "StartAt"),
-        "orientd.client.daemon_clock": ("Offset",),
+        "orientd.client.daemon_clock": ("DRIFT", "Offset", "Trip", "clock_offset"),
         "orientd.client.endless_turn": ("EndlessTurn",),
         "orientd.client.motion_request": ("RequestFields",),
         "orientd.client.move_handle": ("MoveHandle",),

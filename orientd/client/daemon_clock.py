@@ -5,15 +5,16 @@ Both are one clock if the two processes run on one machine.  They know it by its
 daemon sends (:func:`orientd.clock.clock_name`).  Otherwise the client measures the offset.
 
 The daemon reads its clock between the client's question and its answer, so the offset lies in an
-interval as long as the round trip.  Of several trips the shortest one counts, and the estimate is
-the middle of its interval (Cristian, 1989).
+interval as long as the round trip (Cristian, 1989).  Clock drift widens older intervals.  The
+offset lies in the intersection of the intervals of many trips (Marzullo, 1984).  Its ends are
+those of the quickest question and of the quickest answer, and the estimate is its middle.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from orientd.clock import clock_name
@@ -21,6 +22,9 @@ from orientd.errors import OrientdError
 
 TRIPS = 10
 """Round trips of a measurement."""
+
+DRIFT = 5e-4
+"""The most by which two clocks run apart, s per s: as much as the kernel ever slews one."""
 
 RENEWAL = 60.0
 """Age from which a measurement is repeated, s: clocks of two machines run apart."""
@@ -41,16 +45,52 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """How far the daemon's monotonic clock is ahead of that of this process.
+    """How far another monotonic clock, as the daemon's, is ahead of that of this process.
 
     Attributes:
         ns: by how much.
         bound_ns: how far that may have been wrong when it was measured, either way; 0 on one
-            machine, and half of the shortest round trip otherwise.
+            machine.
     """
 
     ns: int
     bound_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """A question for another clock, and its answer.
+
+    Attributes:
+        asked_ns: when it was asked, by our clock.
+        there_ns: the reading of the other clock.
+        answered_ns: when the answer arrived, by our clock.
+    """
+
+    asked_ns: int
+    there_ns: int
+    answered_ns: int
+
+    def offset(self, at_ns: int) -> Offset:
+        """Return the offset by this trip, as loose as it is at another time of our clock."""
+        middle = (self.asked_ns + self.answered_ns) // 2
+        bound = (self.answered_ns - self.asked_ns + 1) // 2
+        return Offset(self.there_ns - middle, bound + round(abs(at_ns - middle) * DRIFT))
+
+
+def clock_offset(trips: Iterable[Trip], at_ns: int) -> Offset:
+    """Return the offset of another clock at a time of ours.
+
+    Args:
+        trips: round trips, at least one.
+        at_ns: the time, by our clock.
+    """
+    offsets = [trip.offset(at_ns) for trip in trips]
+    low = max(offset.ns - offset.bound_ns for offset in offsets)
+    high = min(offset.ns + offset.bound_ns for offset in offsets)
+    if low > high:  # of a machine that was suspended, or a clock that ran faster than any may
+        return min(offsets, key=lambda offset: offset.bound_ns)
+    return Offset((low + high) // 2, (high - low + 1) // 2)
 
 
 class DaemonClock:
@@ -90,19 +130,14 @@ class DaemonClock:
             return known
 
     def _measure(self) -> Offset:
-        best: Offset | None = None
+        trips = []
         for _ in range(TRIPS):
             asked_ns = time.monotonic_ns()
             there = self._ask()
-            answered_ns = time.monotonic_ns()
-            if self._is_ours(there.name) and asked_ns <= there.ns <= answered_ns:
+            trips.append(Trip(asked_ns, there.ns, time.monotonic_ns()))
+            if self._is_ours(there.name) and asked_ns <= there.ns <= trips[-1].answered_ns:
                 return Offset(0, 0)
-            bound_ns = (answered_ns - asked_ns + 1) // 2
-            if best is None or bound_ns < best.bound_ns:
-                best = Offset(there.ns - asked_ns - bound_ns, bound_ns)
-        if best is None:
-            raise ValueError("a measurement has at least one trip")
-        return best
+        return clock_offset(trips, trips[-1].answered_ns)
 
     def _is_ours(self, name: str) -> bool:
         """Return whether the daemon's clock of this *name* is that of this process."""

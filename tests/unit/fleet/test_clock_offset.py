@@ -1,8 +1,8 @@
 import random
 
+from orientd.client import DRIFT
 from orientd.clock import ManualClock
 from orientd_fleet import ClockOffset
-from orientd_fleet.clocks import DRIFT
 
 
 class Other:
