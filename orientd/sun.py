@@ -30,6 +30,20 @@ def sidereal_time(time: float, longitude: float) -> float:
     return 280.460_618_37 + 360.985_647_366_29 * days + longitude
 
 
+def horizontal(hour_angle: float, declination: float, latitude: float) -> Vector3:
+    """Return where a point of the sky stands: its parts to the east, to the north and up.
+
+    Args:
+        hour_angle: how far the point is west of the meridian, rad.
+        declination: rad.
+        latitude: of the place, rad.
+    """
+    east = -cos(declination) * sin(hour_angle)
+    along = cos(declination) * cos(hour_angle)
+    north = sin(declination) * cos(latitude) - along * sin(latitude)
+    return east, north, sin(declination) * sin(latitude) + along * cos(latitude)
+
+
 class Sun(NamedTuple):
     """The sun as seen from a place on the earth.
 
@@ -65,10 +79,7 @@ class Sun(NamedTuple):
         ascension = atan2(cos(obliquity) * sin(longitude), cos(longitude))
         declination = asin(sin(obliquity) * sin(longitude))
         hour = radians(sidereal_time(unix_ns * 1e-9, self.longitude)) - ascension
-        latitude = radians(self.latitude)
-        east = -cos(declination) * sin(hour)
-        north = sin(declination) * cos(latitude) - cos(declination) * cos(hour) * sin(latitude)
-        up = sin(declination) * sin(latitude) + cos(declination) * cos(hour) * cos(latitude)
+        east, north, up = horizontal(hour, declination, radians(self.latitude))
         turn = radians(self.north)
         return (
             north * cos(turn) + east * sin(turn),

@@ -22,9 +22,9 @@ from pyarrow import parquet
 from orientd import motion_file
 from orientd.config import DeviceSettings
 from orientd.errors import OrientdError
-from orientd.files import MEBIBYTE, read_bounded, written
+from orientd.files import MEBIBYTE, check_regular, read_bounded, written
+from orientd.one_line import one_line
 from orientd.planner import Motion, in_parallel
-from orientd_batch.requests import Request, read_requests
 
 PART = 200
 """Requests of a part."""
@@ -61,7 +61,7 @@ def plan_file(
     """Plan all requests of a file that are not planned yet.
 
     Args:
-        requests: the file; see :func:`~orientd_batch.requests.read_requests`.
+        requests: a .jsonl file: each line is a motion file in JSON.
         folder: for ``plans.parquet``; created if it does not exist.
         device: rate, limits and driver.
         has_records: whether the records are written too.
@@ -74,7 +74,7 @@ def plan_file(
     Raises:
         OrientdError: the folder holds another batch, or a file cannot be read or written.
     """
-    count = sum(1 for _ in read_requests(requests))
+    count = sum(1 for _ in _lines(requests))
     _check_folder(folder, {
         "format": 1,
         "requests": hashlib.sha256(requests.read_bytes()).hexdigest(),
@@ -90,8 +90,8 @@ def plan_file(
     if table.exists():
         return
     work = functools.partial(plan_part, device=device, has_records=has_records)
-    given = read_requests(requests)
-    tasks = ((first, list(itertools.islice(given, PART))) for first in firsts)
+    lines = _lines(requests)
+    tasks = ((first, list(itertools.islice(lines, PART))) for first in firsts)
     for first, rows, records in in_parallel(
         work, (one for one in tasks if one[0] in waiting), **cluster
     ):
@@ -104,6 +104,26 @@ def plan_file(
         for part in parts.values():
             writer.write_table(parquet.read_table(part))
     shutil.rmtree(folder / "parts")
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """Yield the lines of a file that are not empty.
+
+    Raises:
+        OrientdError: it cannot be read, or is of another kind.
+    """
+    if path.suffix != ".jsonl":
+        raise OrientdError(
+            f"expected a file that ends in .jsonl, got {path.name}; the guide on batches shows how "
+            "to make one of a table"
+        )
+    try:
+        check_regular(path)
+        with path.open(encoding="utf-8") as file:
+            yield from filter(str.strip, file)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or one_line(str(error), 300)
+        raise OrientdError(f"cannot read {path}: {reason}") from error
 
 
 def _check_folder(folder: Path, asked: Mapping[str, object]) -> None:
@@ -136,12 +156,12 @@ def _write(table: Any, path: Path) -> None:  # noqa: ANN401 - of Arrow
 
 
 def plan_part(
-    part: tuple[int, Sequence[Request]], *, device: DeviceSettings, has_records: bool
+    part: tuple[int, Sequence[str]], *, device: DeviceSettings, has_records: bool
 ) -> tuple[int, Any, Any]:
     """Plan some requests for a device.
 
     Args:
-        part: row of the first request, and the requests.
+        part: row of the first request, and the requests, each a line of JSON.
         device: rate, limits and driver.
         has_records: whether to return records too.
 
@@ -150,10 +170,10 @@ def plan_part(
         reason of its refusal; the table of the records.
     """
     planner, rows, records = device.planner(), [], [_RECORDS.empty_table()]
-    for row, given in enumerate(part[1], part[0]):
+    for row, line in enumerate(part[1], part[0]):
         entries: dict[str, Any] = {"row": row, "name": ""}
         try:
-            mapping = json.loads(given) if isinstance(given, str) else given
+            mapping = json.loads(line)
             name = mapping.get("name") if isinstance(mapping, dict) else None
             entries["name"] = name if isinstance(name, str) else ""
             motion = planner.plan_offline(motion_file.parse(mapping))

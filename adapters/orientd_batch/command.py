@@ -23,7 +23,7 @@ _INTERVAL = 5.0
 @command
 def batch(
     out: Output,
-    file: Annotated[Path, Argument(metavar="REQUESTS", help="A .jsonl, .csv or .parquet file.")],
+    file: Annotated[Path, Argument(metavar="REQUESTS", help="A .jsonl file.")],
     output: Annotated[
         Path, Option("--output", "-o", metavar="FOLDER", help="Folder for the plans.")
     ],
@@ -52,10 +52,9 @@ def batch(
 ) -> None:
     """Plan many motions from a file, without a daemon.
 
-    Each line of a .jsonl file is a motion file.  In a table, each row is a keyframe, and rows with
-    the same `motion` form one motion.  FOLDER/plans.parquet then has one row per motion, with its
-    certificate or the reason for a refusal.  To continue an interrupted run, give the same command
-    again.
+    Each line of the file is a motion file.  FOLDER/plans.parquet then has one row per motion, with
+    its certificate or the reason for a refusal.  To continue an interrupted run, give the same
+    command again.
     """
     need_extra("batch")
     from orientd_batch.batch import plan_file

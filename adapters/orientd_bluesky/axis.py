@@ -219,7 +219,7 @@ class RotationAxis:
         self._offset = self._angle.clock_offset()
         self._angle.record()
         start = time.time() + _ARM
-        handle = self._served.begin(plan, start)
+        handle = self._served.move(plan, start_time=start)
         first = start + plan.start_time
         self.trigger_times = [first + k * scan.time_per_point for k in range(scan.points)]
         self._scan = None

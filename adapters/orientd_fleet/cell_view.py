@@ -13,7 +13,7 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.viewer.server import PageServer
 from orientd.viewer.words import FAULTS, Line, current
-from orientd_fleet.cell import Cell, Member
+from orientd_fleet.overview import Member, Overview
 
 SPACING = 0.9
 """From one device to the next, m."""
@@ -22,7 +22,7 @@ SPACING = 0.9
 class CellView:
     """The page of a cell.  It has nothing that needs a lease."""
 
-    def __init__(self, cell: Cell, *, host: str, port: int, is_dark: bool) -> None:
+    def __init__(self, cell: Overview, *, host: str, port: int, is_dark: bool) -> None:
         """Serve the page.
 
         Args:

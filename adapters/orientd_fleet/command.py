@@ -31,7 +31,7 @@ from orientd.protocol import STALE
 
 if TYPE_CHECKING:
     from orientd_fleet import Fleet, Overview, Together
-    from orientd_fleet.cell import Member
+    from orientd_fleet.overview import Member
 
 fleet = Group(name="fleet", help="Monitor, stop and move several daemons as a cell.")
 

@@ -20,6 +20,7 @@ import socket as sockets
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -320,16 +321,13 @@ def _open(configuration: dict[str, Any]) -> zenoh.Session:
     Raises:
         OrientdError: see :func:`~orientd_fleet.session.open_session`.
     """
-    opened: queue.SimpleQueue[zenoh.Session | OrientdError] = queue.SimpleQueue()
+    opened: Future[zenoh.Session] = Future()
 
     def work() -> None:
         try:
-            opened.put(open_session(configuration))
+            opened.set_result(open_session(configuration))
         except OrientdError as error:
-            opened.put(error)
+            opened.set_exception(error)
 
     threading.Thread(target=work, name="orientd fleet session", daemon=True).start()
-    outcome = opened.get()
-    if isinstance(outcome, OrientdError):
-        raise outcome
-    return outcome
+    return opened.result()

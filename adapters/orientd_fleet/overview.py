@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from orientd.protocol import STALE
 from orientd.protocol import control_pb2 as pb
-from orientd_fleet.cell import Member
 from orientd_fleet.keys import daemon_of
 
 if TYPE_CHECKING:
@@ -20,6 +22,35 @@ FIRST = 1.0
 
 _PAUSE, _TRIPS = 5.0, 8
 """From one measurement of the clocks to the next, s; and the round trips of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A daemon of a cell and its devices.
+
+    Attributes:
+        daemon: its name.
+        is_alive: whether it is there.
+        age: of its last report, s; ``None`` if it has sent none.
+        age_bound: largest error of the age, s; ``None`` if its clock is unknown.  The age then
+            counts from the arrival of the report.
+        devices: as that report has them.
+    """
+
+    daemon: str
+    is_alive: bool
+    age: float | None = None
+    age_bound: float | None = None
+    devices: Sequence[pb.DeviceReport] = ()
+
+    @property
+    def problem(self) -> str:
+        """Why the last report is out of date; empty while it is not."""
+        if not self.is_alive:
+            return "has left"
+        if self.age is None:
+            return "says nothing"
+        return "stale" if self.age > STALE else ""
 
 
 class Overview:

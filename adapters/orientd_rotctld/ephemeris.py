@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.errors import OrientdError
+from orientd.rotation import Floats
 from orientd_rotctld.satellite_pass import RANGES
-from orientd_rotctld.sky import Floats, Target, text_of
+from orientd_rotctld.sky import Target, text_of
+from orientd_serving.pointing import angles, vectors
 
 MOST_ERROR = 0.1
 """Error between two rows above which a table counts as too coarse, degrees."""
@@ -109,7 +111,7 @@ def from_table(path: Path) -> Table:
                 f"got {_shown(row.time)}; sort the rows by time",
             )
     _, times, azimuth, elevation = np.array(rows).T
-    points = _vectors(azimuth, elevation)
+    points = vectors(azimuth, elevation)
     spacing = np.diff(times)
     is_gap = spacing > _GAP * np.median(spacing)
     passes = np.split(np.arange(len(times)), np.flatnonzero(is_gap) + 1)
@@ -217,10 +219,9 @@ def _check_path(path: Path, rows: list[_Row], times: Floats, points: Floats) -> 
         near = np.abs(others - k) <= _BESIDE
         if aside[k] < _TIMES * _aside(times[others], points[others])[0][near].max():
             continue
-        row, (x, y, z) = rows[k], leads[k]
+        row, (azimuth, height) = rows[k], angles(leads[k])
         off = math.degrees(_apart(leads[k], points[k]))
-        turned = math.remainder(math.degrees(math.atan2(-y, x)) - row.azimuth, 360.0)
-        height = math.degrees(math.atan2(z, math.hypot(x, y)))
+        turned = math.remainder(azimuth - row.azimuth, 360.0)
         raise OrientdError(
             f"{path}, line {row.line}: azimuth {row.azimuth:g}, elevation {row.elevation:g} is "
             f"{off:.3g} degrees off the path of the rows around it, expected about azimuth "
@@ -256,11 +257,6 @@ def _apart(found: Floats, points: Floats) -> Floats:
     """Return the angles between unit vectors, rad, shape ``(...)``."""
     half: Floats = np.minimum(0.5 * np.linalg.norm(found - points, axis=-1), 1.0)
     return 2.0 * np.arcsin(half)
-
-
-def _vectors(azimuth: Floats, elevation: Floats) -> Floats:
-    east, up = np.radians(azimuth), np.radians(elevation)
-    return np.column_stack([np.cos(up) * np.cos(east), -np.cos(up) * np.sin(east), np.sin(up)])
 
 
 def _curve(times: Floats, points: Floats, rates: Floats, when: Floats) -> Floats:

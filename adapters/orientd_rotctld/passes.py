@@ -12,10 +12,11 @@ import numpy as np
 
 from orientd.client import MoveHandle
 from orientd.errors import DeadlineError, OrientdError
+from orientd.rotation import Floats
 from orientd_rotctld.ranges import Ranges
 from orientd_rotctld.satellite_pass import satellite_pass
-from orientd_rotctld.sky import Floats, Pass, Target, find_pass
-from orientd_serving.pointing import Direction
+from orientd_rotctld.sky import Pass, Target, find_pass
+from orientd_serving.pointing import Direction, angles
 from orientd_serving.served import Served
 
 _MARGIN = 1.0
@@ -99,9 +100,8 @@ class Passes:
 
     def _beyond(self, found: Pass, now: float) -> str:
         """Return where a pass leaves the ranges; empty if it stays in them."""
-        x, y, z = found.target.at(found.times(max(found.start, now))).T
-        azimuth, elevation = np.degrees(np.arctan2(-y, x)), np.degrees(np.arcsin(z))
-        for east, up in zip(azimuth.tolist(), elevation.tolist(), strict=True):
+        path = found.target.at(found.times(max(found.start, now)))
+        for east, up in angles(path).tolist():
             if not self._ranges.has_form(Direction(east, up)):
                 (west, most), (low, high) = self._ranges.azimuth, self._ranges.elevation
                 return (
@@ -177,11 +177,9 @@ class Passes:
         start = max(wanted.start, time.time() + _PLANNING + _MARGIN)
         for _ in range(_TRIES):
             times = wanted.times(start)
-            x, y, z = wanted.target.at(times).T
-            azimuth = np.degrees(np.unwrap(np.arctan2(-y, x))) - self._north
-            request = satellite_pass(
-                times - start, azimuth, np.degrees(np.arcsin(z)), name=wanted.target.name
-            )
+            azimuth, elevation = angles(wanted.target.at(times)).T
+            azimuth = np.unwrap(azimuth, period=360.0) - self._north
+            request = satellite_pass(times - start, azimuth, elevation, name=wanted.target.name)
             asked = time.time()
             plan = self._served.robot.plan(request, device=self._served.name)
             now, begin = time.time(), start - plan.start_time
@@ -199,7 +197,7 @@ class Passes:
                         f"to {wanted.end - now:.0f} s from now, off target for {lost:.1f} s"
                     )
                     self._begun = begin
-                    self._motion = self._served.begin(plan, begin)
+                    self._motion = self._served.move(plan, start_time=begin)
                 if self._pass is not wanted:
                     self._motion.cancel()  # a stop came while the daemon took the motion
                 return

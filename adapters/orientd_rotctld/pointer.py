@@ -10,14 +10,13 @@ import numpy as np
 from orientd.client import MoveHandle
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
-from orientd.rotation import Quaternion as Named
-from orientd.rotation import slerp
+from orientd.rotation import Floats, Quaternion, slerp
 from orientd.stream import CHUNK_POSES
 from orientd_rotctld.passes import Passes
-from orientd_rotctld.prediction import Floats, Prediction
+from orientd_rotctld.prediction import Prediction
 from orientd_rotctld.ranges import SLACK, Ranges
-from orientd_serving.pointing import Direction, direction, orientation
-from orientd_serving.served import Served
+from orientd_serving.pointing import Direction, angles, direction, orientation, vectors
+from orientd_serving.served import Served, named
 
 _BEYOND, _LONGEST_BEYOND = 4.0, 5.0
 """How long the device follows the path after a position: in gaps between positions, and s after the
@@ -175,7 +174,7 @@ class Pointer:
         self._motion, self._is_following = self._served.move(poses, approach=True), False
         self._goal = vector(wanted)
 
-    def _keeps_ranges(self, pose: Named) -> bool:
+    def _keeps_ranges(self, pose: Quaternion) -> bool:
         """Return whether the shortest turn to an orientation stays in the ranges.
 
         A device that moves leaves that turn by about the angle that it takes to stop.
@@ -189,7 +188,7 @@ class Pointer:
         kept = self._ranges.narrowed(margin)
         return all(kept.has_form(direction((w, x, y, z), self._north)) for w, x, y, z in way)
 
-    def _within_ranges(self, wanted: Direction, before: Direction) -> list[Named]:
+    def _within_ranges(self, wanted: Direction, before: Direction) -> list[Quaternion]:
         """Return keyframes from the device's orientation to a direction, all in the ranges.
 
         Azimuth and elevation change in proportion, from one allowed value to another.
@@ -199,7 +198,7 @@ class Pointer:
         begin = self._ranges.form(form, before, SLACK)
         azimuth, elevation = wanted.azimuth - begin.azimuth, wanted.elevation - begin.elevation
         count = math.ceil(max(abs(azimuth), abs(elevation)) / _STEP)
-        poses = [Named(w=q.w, x=q.x, y=q.y, z=q.z)]
+        poses = [named(to_quaternion(q))]
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             point = Direction(begin.azimuth + share * azimuth, begin.elevation + share * elevation)
             form = self._form(vector(point), form)
@@ -213,9 +212,8 @@ class Pointer:
             self._is_tipped = abs(form.elevation) > 90.0
         return form
 
-    def _pose(self, form: Direction) -> Named:
-        w, x, y, z = orientation(form, self._north)
-        return Named(w=w, x=x, y=y, z=z)
+    def _pose(self, form: Direction) -> Quaternion:
+        return named(orientation(form, self._north))
 
     def _follow(self, now: float, wanted: Direction, asked: Direction, before: Prediction) -> None:
         """Send the predicted path for the time until the position after the next."""
@@ -234,10 +232,10 @@ class Pointer:
         points = before.at(times) + seam * (path.at(times) - before.at(times))
         back = _smooth((times - now - beyond) / _RETURN)[:, None]
         points += back * (vector(wanted) - points)
-        poses: list[Named] = []
+        poses: list[Quaternion] = []
         near = wanted
         for point in points / np.linalg.norm(points, axis=1, keepdims=True):
-            near = self._ranges.form(_direction(point), near)
+            near = self._ranges.form(Direction(*angles(point).tolist()), near)
             kept = self._ranges.nearest(near)
             form = self._form(point if kept == near else vector(kept), form)
             poses.append(self._pose(form))
@@ -247,7 +245,7 @@ class Pointer:
 
     def _form(self, point: Floats, near: Direction) -> Direction:
         """Return a unit vector as the direction of a tool, tipped over or not as the device is."""
-        found = _direction(point)
+        found = Direction(*angles(point).tolist())
         if self._ranges.tips:
             return found.in_turn_of(near)
         return found.tipped() if self._is_tipped else found
@@ -263,18 +261,9 @@ def _stopping_angle(limits: pb.Limits, speed: float) -> float:
     return speed * speed / acceleration if acceleration > 0.0 else 0.0
 
 
-def _direction(point: Floats) -> Direction:
-    """Return a unit vector as a direction; the inverse of :func:`vector`."""
-    x, y, z = point
-    elevation = math.degrees(math.atan2(z, math.hypot(x, y)))
-    return Direction(math.degrees(math.atan2(-y, x)) % 360.0, elevation)
-
-
 def vector(wanted: Direction) -> Floats:
-    """Return a direction as a unit vector: x to the north, y to the west, z up; shape ``(3,)``."""
-    azimuth, elevation = math.radians(wanted.azimuth), math.radians(wanted.elevation)
-    level = math.cos(elevation)
-    return np.array([level * math.cos(azimuth), -level * math.sin(azimuth), math.sin(elevation)])
+    """Return a direction as a unit vector, shape ``(3,)``."""
+    return vectors(wanted.azimuth, wanted.elevation)
 
 
 def _smooth(share: Floats) -> Floats:

@@ -16,9 +16,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from orientd.rotation import Floats
 
 _FITS = ((1, 3), (1, 8), (2, 5), (2, 8), (2, 12), (2, 24), (3, 5))
 """Degrees of the polynomials to choose from, and the number of positions that each is fitted to."""

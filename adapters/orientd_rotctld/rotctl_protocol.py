@@ -21,8 +21,6 @@ OK, INVALID, TIMEOUT, IO_ERROR, REJECTED, UNAVAILABLE = 0, 1, 5, 6, 9, 11
 
 LONGEST = 1024
 """Longest line, bytes."""
-TOO_LONG = b"?" * (LONGEST + 1)
-"""Stands for a line that is longer, of which the end is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,55 +30,34 @@ class Kind:
     Attributes:
         name: the long form.
         arguments: number of words that follow.
-        has_values: whether values answer it rather than a code.
     """
 
     name: str
     arguments: int = 0
-    has_values: bool = False
 
 
 KINDS = {
     "P": Kind("set_pos", 2),
-    "p": Kind("get_pos", has_values=True),
+    "p": Kind("get_pos"),
     "K": Kind("park"),
     "S": Kind("stop"),
     "R": Kind("reset", 1),
     "M": Kind("move", 2),
-    "_": Kind("get_info", has_values=True),
-    "s": Kind("get_status", has_values=True),
-    "1": Kind("dump_caps", has_values=True),
-    "\x8f": Kind("dump_state", has_values=True),
+    "_": Kind("get_info"),
+    "s": Kind("get_status"),
+    "1": Kind("dump_caps"),
+    "\x8f": Kind("dump_state"),
     "q": Kind("quit"),
 }
 """The served commands, by letter."""
 
 _NAMED = {kind.name: kind for kind in KINDS.values()}
 _NOT_SERVED = frozenset("VvUuXxCwLlDdEeBAa3")
-_NAMES_NOT_SERVED = frozenset(
-    [
-        "set_level",
-        "get_level",
-        "set_func",
-        "get_func",
-        "set_parm",
-        "get_parm",
-        "set_conf",
-        "get_conf",
-        "send_cmd",
-        "dump_conf",
-        "lonlat2loc",
-        "loc2lonlat",
-        "dms2dec",
-        "dec2dms",
-        "dmmm2dec",
-        "dec2dmmm",
-        "qrb",
-        "a_sp2a_lp",
-        "d_sp2d_lp",
-        "pause",
-    ]
-)
+_NAMES_NOT_SERVED = {
+    *("set_level", "get_level", "set_func", "get_func", "set_parm", "get_parm", "set_conf"),
+    *("get_conf", "send_cmd", "dump_conf", "lonlat2loc", "loc2lonlat", "dms2dec", "dec2dms"),
+    *("dmmm2dec", "dec2dmmm", "qrb", "a_sp2a_lp", "d_sp2d_lp", "pause"),
+}
 _SHOWN = 40
 """Most characters of a line that a message shows."""
 _UNSERVED = "not served: a device has no levels, functions or parameters"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import orientd
 from orientd.errors import DaemonError, DeviceError, OrientdError
@@ -83,7 +83,7 @@ class Rotctld:
         host, port = listening.getsockname()[:2]
         self.endpoint = f"{host}:{port}"
         self._clients: dict[threading.Thread, socket.socket] = {}
-        self._do: dict[str, Callable[[Command], Mapping[str, str] | None]] = {
+        self._do: dict[str, Callable[..., Mapping[str, str] | None]] = {
             "set_pos": self._set_position,
             "get_pos": self._position,
             "stop": self._stop,
@@ -118,12 +118,17 @@ class Rotctld:
 
     def _talk(self, client: socket.socket) -> None:
         """Answer a client until it hangs up."""
-        with client, contextlib.suppress(OSError):
-            for line in _lines(client):
+        with client, client.makefile("rb") as stream, contextlib.suppress(OSError):
+            while line := stream.readline(protocol.LONGEST + 1):
+                is_too_long = len(line) > protocol.LONGEST
+                if not (is_too_long or line.endswith(b"\n")):
+                    break  # the client has hung up within a line
                 for command in protocol.commands(line):
                     if command.kind is not None and command.kind.name == "quit":
                         return
                     client.sendall(self._answer(command).encode())
+                if is_too_long:
+                    break
         self._clients.pop(threading.current_thread(), None)
 
     def _answer(self, command: Command) -> str:
@@ -132,7 +137,7 @@ class Rotctld:
             return protocol.failed(command, command.error or protocol.UNAVAILABLE)
         shown = " ".join((command.kind.name, *command.arguments))
         try:
-            return protocol.answered(command, self._do[command.kind.name](command))
+            return protocol.answered(command, self._do[command.kind.name](*command.arguments))
         except ValueError as error:
             self._deny(f"{shown}: {error}")
             return protocol.failed(command, protocol.INVALID)
@@ -141,37 +146,34 @@ class Rotctld:
             is_lost = isinstance(error, DaemonError | DeviceError)
             return protocol.failed(command, protocol.IO_ERROR if is_lost else protocol.REJECTED)
 
-    def _set_position(self, command: Command) -> None:
-        wanted = Direction(*map(protocol.number, command.arguments))
+    def _set_position(self, *angles: str) -> None:
+        wanted = Direction(*map(protocol.number, angles))
         if problem := self._ranges.problem(wanted):
             raise ValueError(problem)
         with self._served.lock:
-            self._pointer.go(wanted, max(map(protocol.rounding, command.arguments)))
+            self._pointer.go(wanted, max(map(protocol.rounding, angles)))
 
-    def _position(self, command: Command) -> Mapping[str, str]:
-        del command
+    def _position(self) -> Mapping[str, str]:
         found = self._pointer.measured()
         if found is None:
             raise DaemonError("the device has measured nothing yet")
         return {"Azimuth": f"{found.azimuth:.2f}", "Elevation": f"{found.elevation:.2f}"}
 
-    def _stop(self, command: Command) -> None:
-        del command
+    def _stop(self) -> None:
         self._pointer.stop()
 
-    def _go_to_park(self, command: Command) -> None:
-        del command
+    def _go_to_park(self) -> None:
         with self._served.lock:
             self._pointer.go(self._ranges.nearest(self._ranges.form(_PARK, _PARK)))
 
-    def _reset(self, command: Command) -> None:
-        protocol.number(command.arguments[0])
+    def _reset(self, kind: str) -> None:
+        protocol.number(kind)
         if self._served.report().state == pb.STATE_FAULT:
             self._served.robot.reset(self._served.name)
 
-    def _turn(self, command: Command) -> None:
+    def _turn(self, word: str, speed: str) -> None:
         """Turn in a direction, at a percentage of the velocity limit, until a stop."""
-        word, percent = command.arguments[0], protocol.number(command.arguments[1])
+        percent = protocol.number(speed)
         signs = _DIRECTIONS.get(word) or _DIRECTIONS.get(_CODES.get(word, ""))
         if signs is None:
             known = ", ".join(_DIRECTIONS)
@@ -184,13 +186,11 @@ class Rotctld:
         with self._served.lock:
             self._pointer.turn(signs, share)
 
-    def _status(self, command: Command) -> Mapping[str, str]:
-        del command
+    def _status(self) -> Mapping[str, str]:
         is_moving = self._served.report().state == pb.STATE_STREAMING
         return {"Status flags": "MOVING" if is_moving else ""}
 
-    def _capabilities(self, command: Command) -> Mapping[str, str]:
-        del command
+    def _capabilities(self) -> Mapping[str, str]:
         (west, east), (low, high) = self._ranges.azimuth, self._ranges.elevation
         return {
             "Caps dump for model": _MODEL,
@@ -205,8 +205,7 @@ class Rotctld:
             **{f"Can {name}": "Y" for name in _ABILITIES},
         }
 
-    def _state(self, command: Command) -> Mapping[str, str]:
-        del command
+    def _state(self) -> Mapping[str, str]:
         (west, east), (low, high) = self._ranges.azimuth, self._ranges.elevation
         return {
             "rotctld Protocol Ver": "1",
@@ -219,17 +218,5 @@ class Rotctld:
             "rot_type": "AzEl",
         }
 
-    def _info(self, command: Command) -> Mapping[str, str]:
-        del command
+    def _info(self) -> Mapping[str, str]:
         return {"Info": f"orientd {orientd.__version__}: {self._served.name}"}
-
-
-def _lines(client: socket.socket) -> Iterator[bytes]:
-    """Yield the lines that a client sends; one that is too long is the last."""
-    rest = b""
-    while chunk := client.recv(4096):
-        *lines, rest = (rest + chunk).split(b"\n")
-        yield from lines
-        if len(rest) > protocol.LONGEST:
-            yield protocol.TOO_LONG
-            return

@@ -9,6 +9,7 @@ import numpy as np
 from orientd.client.motion_request import motion_request
 from orientd.errors import RequestError
 from orientd.model import MotionRequest
+from orientd_serving.pointing import vectors
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -86,10 +87,7 @@ def _omega(times: Floats, azimuth: Floats, elevation: Floats) -> list[float]:
 
     It has no part about the direction itself.  The rate is that of the parabola through the three.
     """
-    east, up = np.radians(azimuth), np.radians(elevation)
-    directions = np.column_stack(
-        [np.cos(up) * np.cos(east), -np.cos(up) * np.sin(east), np.sin(up)]
-    )
+    directions = vectors(azimuth, elevation)
     first, second = times[1] - times[0], times[2] - times[0]
     if first == 0.0 or second in (0.0, first):
         return [0.0, 0.0, 0.0]  # times that do not increase: the request refuses them

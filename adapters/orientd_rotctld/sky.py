@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orientd.errors import OrientdError
+from orientd.rotation import Floats
 from orientd.sun import sidereal_time
-
-Floats = NDArray[np.float64]
 
 _SIGHT = math.radians(1.0)
 """Largest angle from a target to a position that means it, rad."""

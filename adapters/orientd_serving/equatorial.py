@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from orientd.errors import RequestError
-from orientd.sun import sidereal_time
+from orientd.sun import horizontal, sidereal_time
 from orientd_serving.pointing import Direction
 
 
@@ -66,10 +66,7 @@ def _turned(around: float, up: float, latitude: float) -> tuple[float, float]:
 
     Both directions have one formula, since they exchange the pole and the zenith.
     """
-    tilt = math.radians(latitude)
-    east = -math.cos(up) * math.sin(around)
-    north = math.sin(up) * math.cos(tilt) - math.cos(up) * math.cos(around) * math.sin(tilt)
-    rise = math.sin(up) * math.sin(tilt) + math.cos(up) * math.cos(around) * math.cos(tilt)
+    east, north, rise = horizontal(around, up, math.radians(latitude))
     return math.atan2(east, north), math.atan2(rise, math.hypot(east, north))
 
 

@@ -2,6 +2,8 @@
 
 Azimuth counts clockwise from north, seen from above, and elevation up from the horizon, both in
 degrees.  The world has z up.  The x axis of the tool points, and its y axis stays level.
+
+Unit vectors of directions have x to the north, y to the west and z up.
 """
 
 from __future__ import annotations
@@ -9,7 +11,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from orientd.driver import Quaternion
+from orientd.rotation import Floats
 
 _LEVEL = 0.02
 """Largest rise of the tool's y axis at which it gives the azimuth, sine of the angle."""
@@ -52,6 +58,21 @@ class Direction:
                 form.azimuth - other.azimuth, form.elevation - other.elevation
             ),
         )
+
+
+def vectors(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
+    """Return the unit vectors of directions, degrees, shape ``(..., 3)``."""
+    east, up = np.radians(azimuth), np.radians(elevation)
+    parts = np.cos(up) * np.cos(east), -np.cos(up) * np.sin(east), np.sin(up)
+    points: Floats = np.stack(parts, axis=-1)
+    return points
+
+
+def angles(points: ArrayLike) -> Floats:
+    """Return azimuth, from -180 to 180, and elevation of vectors, degrees, shape ``(..., 2)``."""
+    x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
+    found: Floats = np.stack([np.arctan2(-y, x), np.arctan2(z, np.hypot(x, y))], axis=-1)
+    return np.degrees(found)
 
 
 def orientation(direction: Direction, north: float = 0.0) -> Quaternion:

@@ -136,11 +136,18 @@ class Served:
         """
         self.track().chunk(poses, rate=1.0 / step, start=start)
 
-    def move(self, keyframes: Iterable[object], **fields: Unpack[RequestFields]) -> MoveHandle:
+    def move(
+        self,
+        keyframes: Iterable[object] | pb.Plan,
+        *,
+        start_time: float | None = None,
+        **fields: Unpack[RequestFields],
+    ) -> MoveHandle:
         """Begin a motion, in place of a running one or once the device has stopped following.
 
         Args:
-            keyframes: see :meth:`.Robot.move`.
+            keyframes: see :meth:`.Robot.move`; or a plan from the current state of the device.
+            start_time: Unix time in s; ``None`` for now.
             fields: of the motion.
 
         Raises:
@@ -150,28 +157,11 @@ class Served:
             self._check_open()
             self.end_tracking()
             self._moving = self._leased(
-                lambda: self.robot.move(keyframes, device=self.name, **fields)
+                lambda: self.robot.move(
+                    keyframes, device=self.name, start_time=start_time, **fields
+                )
             )
             return self._moving
-
-    def begin(self, plan: pb.Plan, start_time: float) -> MoveHandle:
-        """Begin a planned motion at a time; return when it has begun.
-
-        Another command may come meanwhile; it replaces the motion.
-
-        Args:
-            plan: from the current state of the device.
-            start_time: Unix time in s.
-
-        Raises:
-            OrientdError: the daemon refuses it.
-        """
-        self._check_open()
-        self.end_tracking()
-        self._moving = self._leased(
-            lambda: self.robot.move(plan, device=self.name, start_time=start_time)
-        )
-        return self._moving
 
     def end_tracking(self) -> None:
         """Send no more targets, and wait until the device has come to rest."""

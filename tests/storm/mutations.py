@@ -19,7 +19,6 @@ from orientd.protocol import control_pb2 as pb
 from orientd.recorder import RecordingWriter, load_recording, marks
 from orientd.recorder.mcap_file import Damages, records
 from orientd.recorder.tables import columns
-from orientd_batch.requests import read_requests
 from orientd_replay import read_orientations
 
 MOST_MIB = 300
@@ -52,7 +51,6 @@ def seeds(folder):
     for name, text in {
         "motion.json": json.dumps(motion, indent=1),
         "motions.jsonl": "\n".join([json.dumps(motion)] * 3),
-        "motions.csv": "motion,qw,qx,qy,qz,time\na,1,0,0,0,0\na,0,1,0,0,1\nb,1,0,0,0,\n",
         "recorded.csv": f"time_s,qw,qx,qy,qz\n{rows}\n",
     }.items():
         (folder / name).write_text(text)
@@ -167,12 +165,7 @@ def read(path):
     elif path.suffix == ".npz":
         yield lambda: orientd.load_motion(path).sample([0.1])
     elif path.stem == "motions":
-        yield lambda: [
-            motion_file.loads(one.encode(), "one.json")
-            if isinstance(one, str)
-            else motion_file.parse(one)
-            for one in read_requests(path)
-        ]
+        yield lambda: [motion_file.loads(one, "one.json") for one in path.open("rb")]
     elif path.suffix in (".yaml", ".json"):
         yield lambda: motion_file.load(path)
     else:

@@ -3,9 +3,7 @@
 import json
 import math
 import os
-import tempfile
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +17,6 @@ from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import from_request, target_from_message, to_request
 from orientd.rotation import angle, from_euler, normalize
-from orientd_batch.requests import read_requests
 
 CASES = int(os.environ.get("ORIENTD_CASES", "30"))
 FIRST = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}
@@ -47,20 +44,11 @@ def by_message(q):
     return to_request(message)
 
 
-def by_table(q):
-    rows = [",".join(map(repr, ("turn", *one))) for one in ((1, 0, 0, 0), q)]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "one.csv"
-        path.write_text("\n".join(["motion,qw,qx,qy,qz", *rows]), encoding="utf-8")
-        (motion,) = read_requests(path)
-    return parse(motion)
-
-
 def by_keyframes(q):
     return MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0)), Keyframe(q)])
 
 
-WAYS_IN = [by_file, by_python, by_message, by_table, by_keyframes]
+WAYS_IN = [by_file, by_python, by_message, by_keyframes]
 
 
 def quaternion(q):

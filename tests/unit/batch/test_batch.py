@@ -8,10 +8,9 @@ import subprocess
 import sys
 
 import numpy as np
-import pyarrow as arrow
 import pytest
 from click.testing import CliRunner
-from pyarrow import csv, parquet
+from pyarrow import parquet
 
 from orientd import motion_file, planner
 from orientd.cli.command import device_settings
@@ -20,7 +19,6 @@ from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.planner import offline
 from orientd_batch import batch
 from orientd_batch.batch import RECORD, plan_file
-from orientd_batch.requests import read_requests
 
 pytestmark = pytest.mark.filterwarnings("ignore:resource_tracker:UserWarning")
 
@@ -98,26 +96,6 @@ def test_workers_make_the_same_file(file, tmp_path):
     assert planned(file, tmp_path / "one") == planned(file, tmp_path / "two", jobs=2)
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_a_table_says_the_same_as_lines_do(file, tmp_path, ending):
-    rows = [
-        {
-            "motion": str(number), **{f"q{k}": part for k, part in keyframe["quaternion"].items()},
-            "name": given.get("name"),
-            **{f"end_velocity_{axis}": part
-               for axis, part in zip("xyz", given.get("end_velocity", [None] * 3), strict=True)},
-        }
-        for number, given in enumerate(MOTIONS) if "methd" not in given
-        for keyframe in given["keyframes"]
-    ]  # fmt: skip
-    path, table = tmp_path / f"requests.{ending}", arrow.Table.from_pylist(rows)
-    (csv.write_csv if ending == "csv" else parquet.write_table)(table, path)
-    expected = planned(file, tmp_path / "lines")
-    expected = [row | {"row": 0} for row in expected if row["row"] not in (3, 5)]
-    found = planned(path, tmp_path / "table")
-    assert [row | {"row": 0} for row in found] == expected
-
-
 def test_records_are_those_of_the_motion(file, tmp_path):
     planned(file, tmp_path / "plans", has_records=True)
     records = parquet.read_table(tmp_path / "plans" / "records" / "000000.parquet")
@@ -141,11 +119,7 @@ def test_another_batch_in_the_folder_is_refused(file, tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
-        ("a.txt", "", "expected a file that ends in .jsonl, .csv or .parquet, got a.txt"),
-        ("a.csv", "motion,qw,qx,qy\n", "expected a column 'qz', got motion, qw, qx, qy"),
-        ("a.csv", "motion,qw,qx,qy,qz,tiem\n", "unknown column 'tiem'; known: time, qw"),
-        ("a.csv", "motion,qw,qx,qy,qz\n1,one,0,0,0\n", "cannot read .*one"),
-        ("a.parquet", "no table", "cannot read .*a.parquet"),
+        ("a.txt", "", "expected a file that ends in .jsonl, got a.txt; the guide on batches"),
         ("b/a.jsonl", None, "cannot read .*No such file"),
     ],
 )
@@ -153,7 +127,7 @@ def test_a_file_that_is_none_of_requests_is_refused(tmp_path, name, content, say
     if content is not None:
         (tmp_path / name).write_text(content)
     with pytest.raises(OrientdError, match=says):
-        list(read_requests(tmp_path / name))
+        planned(tmp_path / name, tmp_path / "plans")
 
 
 def test_many_motions_come_in_order_with_refusals_in_their_places():

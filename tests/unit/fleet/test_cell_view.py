@@ -10,8 +10,8 @@ import pytest
 from orientd.errors import OrientdError
 from orientd.protocol import STALE, quaternion
 from orientd.protocol import control_pb2 as pb
-from orientd_fleet.cell import Member
 from orientd_fleet.cell_view import CellView, lines
+from orientd_fleet.overview import Member
 
 pytest.importorskip("websockets")
 

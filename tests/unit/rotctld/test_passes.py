@@ -134,8 +134,8 @@ class Planning(Refusing):
         self.planning -= 1
         return SimpleNamespace(start_time=0.0, certificate=SimpleNamespace(losses=()))
 
-    def begin(self, plan, begin):
-        self.start = begin
+    def move(self, plan, *, start_time):
+        self.start = start_time
         self.on_begin()
         return self
 
