@@ -11,8 +11,7 @@ from orientd_alpaca.mount import Mount, Rotator
 from orientd_alpaca.server import Alpaca
 from orientd_alpaca.telescope import Telescope
 from orientd_serving.command import NORTH, pair, run
-from orientd_serving.equatorial import Place, observer_of
-from orientd_serving.pointing import Direction
+from orientd_serving.pointing import Direction, Place, observer_of
 from orientd_serving.served import Adapter, Served
 
 _DIRECTION = pair(

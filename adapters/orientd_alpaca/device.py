@@ -230,33 +230,21 @@ def _arguments(member: Callable[..., object], call: Call) -> list[Any]:
             raise BadRequest(f"{name}: the parameter is missing; check its case")
         expected, read = _READERS[parameter.annotation]
         try:
-            found.append(read(text))
+            value = read(text)
+            # Python's numbers may have underscores, and may not be finite.
+            is_odd = isinstance(value, float) and not math.isfinite(value)
+            if is_odd or (isinstance(value, float | int) and "_" in text):
+                raise ValueError
+            found.append(value)
         except (KeyError, ValueError) as error:
             raise BadRequest(f"{name}: expected {expected}, got {text[:40]!r}") from error
     return found
 
 
-def _number(text: str) -> float:
-    """Return a finite number.
-
-    Raises:
-        ValueError: it is not one.
-    """
-    if "_" in text or not math.isfinite(float(text)):
-        raise ValueError
-    return float(text)
-
-
-def _whole(text: str) -> int:
-    if "_" in text:
-        raise ValueError
-    return int(text)
-
-
 _READERS: Mapping[str, tuple[str, Callable[[str], Any]]] = {
     "bool": ("true or false", lambda text: {"true": True, "false": False}[text.lower()]),
-    "float": ("a number", _number),
-    "int": ("a whole number", _whole),
+    "float": ("a number", float),
+    "int": ("a whole number", int),
     "str": ("text", str),
 }
 """Description and reader of a parameter by its annotation."""

@@ -243,7 +243,7 @@ class Rotator(AlpacaDevice):
             self._move_to(self._position() + position)
 
     def _move_absolute(self, position: float) -> None:
-        _check(position)
+        check_range("Position", position, 0.0, 360.0)
         self._move_to(position)
 
     def _move_to(self, position: float) -> None:
@@ -266,7 +266,7 @@ class Rotator(AlpacaDevice):
             self._target = whole_turn(position)
 
     def _move_mechanical(self, position: float) -> None:
-        _check(position)
+        check_range("Position", position, 0.0, 360.0)
         with self._mount.lock:
             self._turn(position)
             self._target = whole_turn(self._sign * position + self._offset)
@@ -288,11 +288,7 @@ class Rotator(AlpacaDevice):
 
     def _sync(self, position: float) -> None:
         """Make the present position *position*, without a motion."""
-        _check(position)
+        check_range("Position", position, 0.0, 360.0)
         with self._mount.lock:
             self._offset = position - self._sign * self._mount.measured()[1]
             self._target = whole_turn(position)
-
-
-def _check(position: float) -> None:
-    check_range("Position", position, 0.0, 360.0)

@@ -35,6 +35,7 @@ class Alpaca:
 
     Attributes:
         endpoint: address and port.
+        is_local: whether only programs of this machine may connect.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class Alpaca:
         self._server = _Server(own_socket(host, port), self)
         host, port = self._server.socket.getsockname()[:2]
         self.endpoint = f"{host}:{port}"
-        self._is_local = ipaddress.ip_address(host).is_loopback
+        self.is_local = ipaddress.ip_address(host).is_loopback
         self._finder: socket.socket | None = None
         try:
             if discovery:
@@ -118,10 +119,6 @@ class Alpaca:
             raise BadRequest(f"there is no device {kind[:40]}/{place}")
         return device.answer(member, call)
 
-    def admits(self, origin: str | None, host: str) -> bool:
-        """Return whether a request is carried out, by its headers Origin and Host."""
-        return is_own_page(origin, host, is_local=self._is_local)
-
     def page(self) -> str:
         """Return the page for people."""
         names = ", ".join(device.name for device in self._devices.values())
@@ -137,7 +134,7 @@ class Alpaca:
         with contextlib.suppress(OSError):  # closed
             while True:
                 question, sender = finder.recvfrom(1024)
-                is_known = not self._is_local or ipaddress.ip_address(sender[0]).is_loopback
+                is_known = not self.is_local or ipaddress.ip_address(sender[0]).is_loopback
                 if question.startswith(_QUESTION) and is_known:
                     with contextlib.suppress(OSError):
                         finder.sendto(found, sender)
@@ -217,7 +214,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _is_admitted(self) -> bool:
         """Return whether the server carries the request out; refuse it otherwise."""
         origin, host = self.headers.get("Origin"), self.headers.get("Host", "")
-        if self.server.alpaca.admits(origin, host):
+        if is_own_page(origin, host, is_local=self.server.alpaca.is_local):
             return True
         self.close_connection = True
         self._send(HTTPStatus.FORBIDDEN, "text/plain", b"the Host or the Origin is not this server")

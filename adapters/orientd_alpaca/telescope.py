@@ -10,8 +10,7 @@ from collections.abc import Callable
 from orientd_alpaca import device as alpaca
 from orientd_alpaca.device import AlpacaDevice, AlpacaError, check_range
 from orientd_alpaca.mount import Mount, Path
-from orientd_serving.equatorial import Equatorial, Place
-from orientd_serving.pointing import Direction
+from orientd_serving.pointing import Direction, Equatorial, Place
 
 _ALT_AZ, _TOPOCENTRIC, _SIDEREAL = 0, 1, 0
 """Numbers of ASCOM for the alignment, the coordinates and the rate of tracking."""

@@ -1,4 +1,4 @@
-"""Zenoh's configuration of a member of a cell: endpoints, TLS on both sides, access control.
+"""The Zenoh session of a member of a cell: endpoints, TLS on both sides, access control.
 
 Zenoh checks the common name of a certificate at the link that a message comes by.  A name in no
 list reads nothing and asks nothing.  A caller reads presence, clocks and states, and stops in its
@@ -8,16 +8,21 @@ own name.  All commands go to a daemon's control socket or TLS port, which knows
 from __future__ import annotations
 
 import contextlib
+import json
+import os
 import ssl
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from orientd import config
 from orientd.client import check_folder
 from orientd.errors import ConfigError, DaemonError
 from orientd_fleet.keys import ROOT, UNIX_ADDRESS, key_of
 from orientd_fleet.settings import TLS, UNIX, FleetSettings, MemberSettings
+
+if TYPE_CHECKING:
+    import zenoh
 
 LINK_LEASE_MS = 3000
 """A link without a sign of life for so long is given up."""
@@ -226,3 +231,36 @@ def common_name(certificate: Path, key: Path, ca: Path) -> str:
     if not names:
         raise DaemonError(f"the certificate {certificate} has no common name")
     return str(names[0])
+
+
+def open_session(configuration: Tree) -> zenoh.Session:
+    """Open a session of Zenoh.
+
+    Raises:
+        ConfigError: the extra ``fleet`` is not installed, or Zenoh refuses a value.
+        DaemonError: an endpoint cannot be listened at or reached.
+    """
+    try:
+        import zenoh
+    except ImportError as error:
+        raise ConfigError("a fleet needs Zenoh: pip install 'orientd-motion[fleet]'") from error
+    try:
+        parsed = zenoh.Config.from_json5(json.dumps(configuration))
+    except zenoh.ZError as error:
+        raise ConfigError(f"fleet: {_first_line(error)}") from error
+    # A Unix socket that Zenoh makes is for its own user.
+    before = os.umask(0o177)
+    try:
+        return zenoh.open(parsed)
+    except zenoh.ZError as error:
+        ends = [*configuration["connect"]["endpoints"], *configuration["listen"]["endpoints"]]
+        raise DaemonError(
+            f"no member of a fleet at {', '.join(ends)}, or not with this certificate: "
+            f"{_first_line(error)}"
+        ) from error
+    finally:
+        os.umask(before)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition(" at /")[0].splitlines()[0]

@@ -30,8 +30,8 @@ from orientd.one_line import shown
 from orientd.protocol import STALE
 
 if TYPE_CHECKING:
-    from orientd_fleet import Fleet, Overview, Together
-    from orientd_fleet.overview import Member
+    from orientd_fleet import Fleet, Together
+    from orientd_fleet.overview import Member, Overview
 
 fleet = Group(name="fleet", help="Monitor, stop and move several daemons as a cell.")
 
@@ -133,7 +133,7 @@ def status(
 
     In a terminal the table is updated until Ctrl-C.
     """
-    from orientd_fleet import Overview
+    from orientd_fleet.overview import Overview
 
     with at.connect() as client, Overview(client) as overview:
         if once or out.as_json or not is_terminal():
@@ -203,8 +203,8 @@ def view(
     all devices.
     """
     need_extra("view")
-    from orientd_fleet import Overview
     from orientd_fleet.cell_view import CellView
+    from orientd_fleet.overview import Overview
 
     with at.connect() as client, Overview(client) as overview:
         page = CellView(overview, host=host, port=port, is_dark=dark)
@@ -340,7 +340,7 @@ def router(
     import json
     import threading
 
-    from orientd_fleet import open_session, router_configuration
+    from orientd_fleet.access import open_session, router_configuration
 
     configuration = router_configuration(config)
     if show:
@@ -361,8 +361,9 @@ def demo(
     They run on this machine without hardware, and end after the motion.
     """
     from orientd.motion_file import parse
-    from orientd_fleet import FleetMotion, Overview, connect_fleet, move_together
+    from orientd_fleet import FleetMotion, connect_fleet, move_together
     from orientd_fleet.demo import cell
+    from orientd_fleet.overview import Overview
 
     with cell(daemons) as endpoint, connect_fleet(endpoint, cell="demo") as client:
         names = [f"arm-{number}" for number in range(1, daemons + 1)]

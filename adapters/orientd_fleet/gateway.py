@@ -27,9 +27,8 @@ from typing import TYPE_CHECKING, Any, Self
 from orientd.client import ask_to_stop, connect
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd_fleet.access import address_of, member_configuration
+from orientd_fleet.access import address_of, member_configuration, open_session
 from orientd_fleet.keys import TIME_BYTES, key_of, name_of
-from orientd_fleet.session import open_session
 
 if TYPE_CHECKING:
     import zenoh
@@ -319,7 +318,7 @@ def _open(configuration: dict[str, Any]) -> zenoh.Session:
     """Open a session in a thread: signals interrupt the wait for a router, which may be endless.
 
     Raises:
-        OrientdError: see :func:`~orientd_fleet.session.open_session`.
+        OrientdError: see :func:`~orientd_fleet.access.open_session`.
     """
     opened: Future[zenoh.Session] = Future()
 

@@ -5,25 +5,45 @@ planned.  Then one instant of our clock is translated to the clock of each daemo
 arms its motion for that instant.  If one has not done so in time, all motions are withdrawn before
 they begin.  A daemon withdraws its motion by itself when this client's connection ends.  The
 servos' cycles tell how far apart the motions began.
+
+A file has a motion for each of several devices of several daemons:
+
+.. code-block:: yaml
+
+    start_in: 1.0                  # s from the end of planning to the start; default 0.5
+    motions:
+      - daemon: arm-1
+        device: arm                # if the daemon has several
+        motion: {keyframes: [{rotation_vector: [0, 0, 0.5]}]}
+      - daemon: arm-2
+        file: turn.yaml            # in the folder of this file
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from orientd import motion_file
 from orientd.client import MoveHandle, Offset, Robot, StartAt
-from orientd.errors import DaemonError, LateError, OrientdError
+from orientd.errors import DaemonError, LateError, OrientdError, RequestError
 from orientd.protocol import GOOD_OUTCOMES
 from orientd.protocol import control_pb2 as pb
-from orientd_fleet.plan_file import START_IN, FleetMotion
+from orientd.structured_text import read_structured
 
 if TYPE_CHECKING:
+    from orientd.planner import MotionRequest
     from orientd_fleet.client import Fleet
+
+START_IN = 0.5
+"""Time from the end of planning to the start unless a plan says otherwise, s."""
+
+_KEYS = {"daemon", "device", "motion", "file"}
 
 LEAST_MARGIN_NS = 50_000_000
 """Time before the start in which motions are only withdrawn, not armed any more."""
@@ -39,6 +59,24 @@ _WITHDRAWING = 0.3
 
 _ARMING_NS = 150_000_000
 """Time for the daemons to feed a motion and arm it."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetMotion:
+    """The motion of one device.
+
+    Attributes:
+        daemon: its name in the cell.
+        device: of that daemon; empty for the only one.
+        request: the motion.
+    """
+
+    daemon: str
+    device: str
+    request: MotionRequest
+
+    def __str__(self) -> str:
+        return f"{self.daemon}/{self.device}" if self.device else self.daemon
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,3 +306,56 @@ def _naming(what: str) -> Iterator[None]:
     except OrientdError as error:
         error.args = (f"{what}: {error}", *error.args[1:])
         raise
+
+
+def read_plan(path: Path) -> tuple[list[FleetMotion], float]:
+    """Return the motions in a file, and the time from the end of planning to their start, s.
+
+    Raises:
+        RequestError: the file cannot be read or is not well formed.
+    """
+    content = read_structured(path)
+    if not isinstance(content, Mapping) or not isinstance(content.get("motions"), list):
+        raise RequestError("motions", "expected a list, each of daemon, device and motion")
+    _check_keys("", content, {"motions", "start_in"})
+    start_in = content.get("start_in", START_IN)
+    if isinstance(start_in, bool) or not isinstance(start_in, int | float) or not start_in > 0:
+        raise RequestError("start_in", f"expected seconds above 0, got {start_in!r}")
+    motions = [
+        _motion(f"motions[{number}]", one, path.parent)
+        for number, one in enumerate(content["motions"])
+    ]
+    if not motions:
+        raise RequestError("motions", "expected at least one, got none")
+    names = [str(motion) for motion in motions]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise RequestError("motions", f"expected each device once, got {twice} twice")
+    return motions, float(start_in)
+
+
+def _motion(place: str, content: object, folder: Path) -> FleetMotion:
+    if not isinstance(content, Mapping):
+        raise RequestError(place, f"expected daemon, device and motion, got {content!r}")
+    _check_keys(f"{place}.", content, _KEYS)
+    daemon, device = content.get("daemon"), content.get("device", "")
+    if not isinstance(daemon, str) or not daemon or "/" in daemon or "*" in daemon:
+        raise RequestError(f"{place}.daemon", f"expected the name of a daemon, got {daemon!r}")
+    if not isinstance(device, str):
+        raise RequestError(f"{place}.device", f"expected the name of a device, got {device!r}")
+    if ("file" in content) == ("motion" in content):
+        raise RequestError(f"{place}.motion", "expected either a motion here or a file")
+    try:
+        if "file" in content:
+            return FleetMotion(daemon, device, motion_file.load(folder / str(content["file"])))
+        return FleetMotion(daemon, device, motion_file.parse(content["motion"]))
+    except RequestError as error:
+        field = f"{place}.motion.{error.field}" if error.field else f"{place}.motion"
+        raise RequestError(field, error.problem) from error
+
+
+def _check_keys(place: str, content: Mapping[object, object], known: set[str]) -> None:
+    for key in content:
+        if key not in known:
+            expected = ", ".join(sorted(known))
+            raise RequestError(f"{place}{key}", f"expected one of {expected}")

@@ -14,8 +14,7 @@ from orientd.floats import difference, norm
 from orientd.protocol import to_quaternion, to_vector
 from orientd_mavlink.ranges import Ranges
 from orientd_mavlink.setpoint import RETRACT, STEP, Setpoint, Wish
-from orientd_serving.denials import Denials
-from orientd_serving.served import Served, named
+from orientd_serving.served import Denials, Served, named
 
 _POSES = 60
 """Poses of the path that the device has in advance: enough for the longest brake."""
@@ -62,7 +61,7 @@ class Gimbal:
         setpoint: of the gimbal.
         ranges: of its angles and rates; it announces them and keeps them.
         knows_north: whether the heading of the base is known.
-        deny: warns of a request that is denied.
+        deny: warns of a problem, but not again and again: a stream repeats its mistake.
         problem: the error because of which the device does not move; empty if there is none.
     """
 
@@ -89,8 +88,8 @@ class Gimbal:
             speed=limits.velocity,
             acceleration=0.5 * limits.acceleration,
         )
-        self.knows_north, self.problem, self._told = north is not None, "", ""
-        self._served, self._warn, self.deny = served, warn, Denials(warn)
+        self.knows_north, self.problem = north is not None, ""
+        self._served, self.deny = served, Denials(warn)
         self._threads = ThreadPoolExecutor(1, "orientd mavlink")
         self._job: Future[object] | None = None
         self._done: Done | None = None
@@ -137,7 +136,12 @@ class Gimbal:
         """
         if wish.flags & RETRACT:
             self._is_tracking, self.setpoint.flags = False, RETRACT
-            self._run(self._retract, done)
+            self._run(
+                lambda: self._served.move(
+                    [named(IDENTITY)], device_options={"home": True}, name="home"
+                ),
+                done,
+            )
             return
         self._take(wish)
         self.setpoint.settle()
@@ -271,16 +275,8 @@ class Gimbal:
         if isinstance(error, DaemonError) or not isinstance(error, OrientdError | None):
             raise error
         self.problem = "" if error is None else str(error)
-        self._tell(self.problem)
-
-    def _tell(self, problem: str) -> None:
-        """Warn of a problem, but not again and again: a stream repeats its mistake."""
-        if problem and problem != self._told:
-            self._told = problem
-            self._warn(problem)
-
-    def _retract(self) -> None:
-        self._served.move([named(IDENTITY)], device_options={"home": True}, name="home")
+        if self.problem:
+            self.deny(self.problem)
 
     def _release(self) -> None:
         self._served.rest()

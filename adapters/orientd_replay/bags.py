@@ -19,11 +19,6 @@ LEAVE_OUT = "`--partial` (in Python `partial=True`) leaves out such messages"
 """The cure for damaged messages."""
 
 
-def is_bag(path: Path) -> bool:
-    """Return whether *path* has the form of a bag."""
-    return path.is_dir() or path.suffix == ".db3"
-
-
 def messages(
     path: Path, kinds: dict[str, str], damages: Damages, *, partial: bool = False
 ) -> Iterator[tuple[str, int, Any]]:
@@ -67,7 +62,8 @@ def messages(
                 except Exception as error:
                     if not partial:
                         raise RecordingError(
-                            _damaged(path, connection.topic, time, error)
+                            f"{path}: a message of {connection.topic} at {1e-9 * time:.3f} s is "
+                            f"damaged: {_text(error)}; {LEAVE_OUT}"
                         ) from error
                     damages.lost += 1
                 else:
@@ -99,13 +95,6 @@ def _check_description(path: Path) -> None:
         file.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise RecordingError(f"{file}: not UTF-8: {error.reason}; save it as UTF-8") from error
-
-
-def _damaged(path: Path, topic: str, time_ns: int, error: Exception) -> str:
-    return (
-        f"{path}: a message of {topic} at {1e-9 * time_ns:.3f} s is damaged: {_text(error)}; "
-        f"{LEAVE_OUT}"
-    )
 
 
 def _text(error: Exception) -> str:

@@ -84,7 +84,7 @@ def read_orientations(path: Path | str, topic: str = "", *, partial: bool = Fals
     with reading(path):
         if path.suffix in (".csv", *TUM_ENDINGS):
             tables = read_table(path)
-        elif bags.is_bag(path):
+        elif path.is_dir() or path.suffix == ".db3":
             tables = _from_bag(path, damages, partial=partial)
         else:
             tables, damages = _from_mcap(path, partial=partial)
@@ -135,14 +135,15 @@ def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Damages]:
     """Return the orientations in an MCAP file, and its damages."""
     try:
         recording = load_recording(path, partial=partial)
-        tables = _from_ours(recording)
+        if tables := _from_ours(recording):
+            return tables, recording.damages
     except NotMcapError as error:
         kind = describe_kind(path)
         more = f"; {kind}" if kind else ""
         raise RecordingError(f"{path}: not an MCAP file; expected {EXPECTED}{more}") from error
     except NotOursError:
-        tables = {}
-    return (tables, recording.damages) if tables else _from_others(path, partial=partial)
+        pass  # of another program
+    return _from_others(path, partial=partial)
 
 
 def _from_ours(recording: Recording) -> Tables:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import codecs
 import csv
+import itertools
 import math
 import re
 from array import array
@@ -201,7 +202,8 @@ def _csv(path: Path, lines: _Lines) -> _Table:
             f"{path}: line {lines.number} has numbers, expected the names of the columns; put a "
             f"line such as {_EXPECTED} before it"
         )
-    return _Table(path, names, _csv_rows(path, lines, delimiter), has_commas=delimiter != ",")
+    rows = _rows(path, lines, _split(lines, delimiter))
+    return _Table(path, names, rows, has_commas=delimiter != ",")
 
 
 def _heading(lines: _Lines) -> str:
@@ -226,11 +228,11 @@ def _split(lines: Iterator[str], delimiter: str) -> Iterator[list[str]]:
     return csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
 
 
-def _csv_rows(path: Path, lines: _Lines, delimiter: str) -> Iterator[Row]:
+def _rows(path: Path, lines: _Lines, words: Iterator[list[str]]) -> Iterator[Row]:
     """Yield the rows that are neither empty nor comments."""
     before = lines.number
     try:
-        for row in _split(lines, delimiter):
+        for row in words:
             lines.begin_row()
             if lines.number > before + 1:
                 # A quote that is left open takes the lines behind it, with all of their samples.
@@ -247,34 +249,23 @@ def _csv_rows(path: Path, lines: _Lines, delimiter: str) -> Iterator[Row]:
 
 def _tum(path: Path, lines: _Lines) -> _Table:
     """Return a trajectory, with its columns in another order if a comment names them so."""
-    rows = _tum_rows(path, lines)
-    _, names = next(rows, (0, []))
-    if not names:
-        raise RecordingError(f"{path}: empty; expected {' '.join(_TUM)} in each line")
-    return _Table(path, names, rows, has_commas=False)
-
-
-def _tum_rows(path: Path, lines: _Lines) -> Iterator[Row]:
-    """Yield the names of the columns, which a comment may give in another order, and the rows."""
-    names, is_begun = list(_TUM), False
-    for line in lines:
+    spaced, names = (line.replace(",", " ") for line in lines), list(_TUM)
+    for line in spaced:
         lines.begin_row()
-        row = line.replace(",", " ").split()
-        if not row:
-            continue
-        if row[0].startswith(_COMMENT):
-            named = line.lstrip("#% \t").replace(",", " ").split()
+        row = line.split()
+        if row and row[0].startswith(_COMMENT):
+            named = line.lstrip("#% \t").split()
             names = named if sorted(named) == sorted(_TUM) else names
-            continue
-        if not is_begun and (len(row) != len(_TUM) or math.isnan(_number(row[0]))):
-            raise RecordingError(
-                f"{path}: line {lines.number} is {one_line(line, _SHOWN)!r}; expected "
-                f"{' '.join(_TUM)} in each line (a table with named columns ends in .csv)"
-            )
-        if not is_begun:
-            is_begun = True
-            yield 0, names
-        yield lines.number, row
+        elif row:
+            if len(row) != len(_TUM) or math.isnan(_number(row[0])):
+                raise RecordingError(
+                    f"{path}: line {lines.number} is {one_line(line, _SHOWN)!r}; expected "
+                    f"{' '.join(_TUM)} in each line (a table with named columns ends in .csv)"
+                )
+            first = [(lines.number, row)]
+            rows = itertools.chain(first, _rows(path, lines, (one.split() for one in spaced)))
+            return _Table(path, names, rows, has_commas=False)
+    raise RecordingError(f"{path}: empty; expected {' '.join(_TUM)} in each line")
 
 
 def _quaternion_columns(

@@ -15,7 +15,7 @@ from orientd_rotctld.ranges import Ranges
 from orientd_rotctld.rotctld import Rotctld
 from orientd_rotctld.sky import from_elements
 from orientd_serving.command import NORTH, pair, run
-from orientd_serving.equatorial import observer_of
+from orientd_serving.pointing import observer_of
 
 _RANGE = pair(
     ":",

@@ -23,35 +23,23 @@ LONGEST = 1024
 """Longest line, bytes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A command of the protocol.
-
-    Attributes:
-        name: the long form.
-        arguments: number of words that follow.
-    """
-
-    name: str
-    arguments: int = 0
-
-
-KINDS = {
-    "P": Kind("set_pos", 2),
-    "p": Kind("get_pos"),
-    "K": Kind("park"),
-    "S": Kind("stop"),
-    "R": Kind("reset", 1),
-    "M": Kind("move", 2),
-    "_": Kind("get_info"),
-    "s": Kind("get_status"),
-    "1": Kind("dump_caps"),
-    "\x8f": Kind("dump_state"),
-    "q": Kind("quit"),
+NAMES = {
+    "P": "set_pos",
+    "p": "get_pos",
+    "K": "park",
+    "S": "stop",
+    "R": "reset",
+    "M": "move",
+    "_": "get_info",
+    "s": "get_status",
+    "1": "dump_caps",
+    "\x8f": "dump_state",
+    "q": "quit",
 }
 """The served commands, by letter."""
 
-_NAMED = {kind.name: kind for kind in KINDS.values()}
+_ARGUMENTS = {"set_pos": 2, "reset": 1, "move": 2}
+"""Number of words that follow a command."""
 _NOT_SERVED = frozenset("VvUuXxCwLlDdEeBAa3")
 _NAMES_NOT_SERVED = {
     *("set_level", "get_level", "set_func", "get_func", "set_parm", "get_parm", "set_conf"),
@@ -61,7 +49,7 @@ _NAMES_NOT_SERVED = {
 _SHOWN = 40
 """Most characters of a line that a message shows."""
 _UNSERVED = "not served: a device has no levels, functions or parameters"
-_UNKNOWN = f"unknown command, expected one of {', '.join(KINDS).replace(chr(0x8F), 'dump_state')}"
+_UNKNOWN = f"unknown command, expected one of {', '.join(NAMES).replace(chr(0x8F), 'dump_state')}"
 _WORD = re.compile(r"\\(\w*)|(.)", re.ASCII | re.DOTALL)
 
 
@@ -70,14 +58,14 @@ class Command:
     """A command of a line, or the error in it.
 
     Attributes:
-        kind: of the command; ``None`` for a bad one.
+        name: the long form; empty for a bad command.
         arguments: the words that follow.
         separator: between the parts of an extended answer; empty for a plain answer.
         error: code of a bad command.
         problem: what is wrong with a bad command, in one line.
     """
 
-    kind: Kind | None
+    name: str
     arguments: tuple[str, ...] = ()
     separator: str = ""
     error: int = OK
@@ -87,14 +75,14 @@ class Command:
 def commands(line: bytes) -> Iterator[Command]:
     r"""Yield the commands of a line; a bad one is the last.
 
-    >>> [one.kind.name for one in commands(b"S;p P 10 20\n")]
+    >>> [one.name for one in commands(b"S;p P 10 20\n")]
     ['stop', 'get_pos', 'set_pos']
     >>> next(commands(b"\\set_pos 10\n")).error
     1
     """
     if len(line) > LONGEST:
         problem = f"a line of more than {LONGEST} bytes; end each command with a line feed"
-        yield Command(None, error=INVALID, problem=problem)
+        yield Command("", error=INVALID, problem=problem)
         return
     text = line.decode("latin-1").rstrip("\r\n\0 \t")
     place = 0
@@ -111,30 +99,32 @@ def commands(line: bytes) -> Iterator[Command]:
         word = _WORD.match(text, place)
         if word is None:
             problem = f"expected a command after {text[:_SHOWN]!r}"
-            yield Command(None, separator=separator, error=INVALID, problem=problem)
+            yield Command("", separator=separator, error=INVALID, problem=problem)
             return
         name, letter = word.groups()
-        kind = _NAMED.get(name) if letter is None else KINDS.get(letter.replace("Q", "q"))
-        if kind is None:
+        if letter is not None:
+            name = NAMES.get(letter.replace("Q", "q"))
+        if name not in NAMES.values():
             known = name in _NAMES_NOT_SERVED or letter in _NOT_SERVED
             problem = _UNSERVED if known else _UNKNOWN
             yield Command(
-                None,
+                "",
                 separator=separator,
                 error=UNAVAILABLE if known else INVALID,
                 problem=f"{word.group()[:_SHOWN]!r}: {problem}",
             )
             return
-        words = text[word.end() :].split(None, kind.arguments)
-        given = tuple(words[: kind.arguments])
-        if len(given) < kind.arguments:
-            expected = f"expected {kind.arguments} values, got {len(given)}"
-            problem = f"{kind.name}: {expected}; give them in the line of the command"
-            yield Command(None, given, separator, INVALID, problem)
+        count = _ARGUMENTS.get(name, 0)
+        words = text[word.end() :].split(None, count)
+        given = tuple(words[:count])
+        if len(given) < count:
+            expected = f"expected {count} values, got {len(given)}"
+            problem = f"{name}: {expected}; give them in the line of the command"
+            yield Command("", given, separator, INVALID, problem)
             return
-        yield Command(kind, given, separator)
-        rest = words[kind.arguments] if len(words) > kind.arguments else ""
-        place = len(text) - len(rest) if kind.arguments else word.end()
+        yield Command(name, given, separator)
+        rest = words[count] if len(words) > count else ""
+        place = len(text) - len(rest) if count else word.end()
 
 
 def number(word: str) -> float:
@@ -175,10 +165,14 @@ def answered(command: Command, values: Mapping[str, str] | None = None) -> str:
     """
     if values is None:
         return f"{_head(command)}RPRT 0\n"
-    if command.kind is not None and command.kind.name == "dump_state":
-        return _state(command, values)
+    if command.name == "dump_state":
+        # A client of Hamlib reads this when it connects: two numbers, then settings.
+        (_, version), (_, model), *settings = values.items()
+        said = "".join(f"{name}={value}\n" for name, value in settings)
+        end = "RPRT 0\n" if command.separator else ""
+        return f"{_head(command)}{version}\n{model}\n{said}done\n{end}"
     if not command.separator:
-        is_table = command.kind is not None and command.kind.name == "dump_caps"
+        is_table = command.name == "dump_caps"
         return "".join(
             f"{name}:\t{value}\n" if is_table else f"{value}\n" for name, value in values.items()
         )
@@ -186,15 +180,7 @@ def answered(command: Command, values: Mapping[str, str] | None = None) -> str:
     return f"{_head(command)}{said}RPRT 0\n"
 
 
-def _state(command: Command, values: Mapping[str, str]) -> str:
-    """Return what a client of Hamlib reads when it connects: two numbers, then settings."""
-    (_, version), (_, model), *settings = values.items()
-    said = "".join(f"{name}={value}\n" for name, value in settings)
-    end = "RPRT 0\n" if command.separator else ""
-    return f"{_head(command)}{version}\n{model}\n{said}done\n{end}"
-
-
 def _head(command: Command) -> str:
-    if not command.separator or command.kind is None:
+    if not command.separator or not command.name:
         return ""
-    return f"{' '.join((command.kind.name + ':', *command.arguments))}{command.separator}"
+    return f"{' '.join((command.name + ':', *command.arguments))}{command.separator}"

@@ -17,9 +17,8 @@ from orientd_rotctld.pointer import Pointer
 from orientd_rotctld.ranges import Ranges
 from orientd_rotctld.rotctl_protocol import Command
 from orientd_rotctld.sky import Target
-from orientd_serving.denials import Denials
 from orientd_serving.pointing import Direction
-from orientd_serving.served import Served
+from orientd_serving.served import Denials, Served
 
 _MODEL = "2"
 """Hamlib's number of the rotators that are reached over this protocol."""
@@ -124,7 +123,7 @@ class Rotctld:
                 if not (is_too_long or line.endswith(b"\n")):
                     break  # the client has hung up within a line
                 for command in protocol.commands(line):
-                    if command.kind is not None and command.kind.name == "quit":
+                    if command.name == "quit":
                         return
                     client.sendall(self._answer(command).encode())
                 if is_too_long:
@@ -132,17 +131,17 @@ class Rotctld:
         self._clients.pop(threading.current_thread(), None)
 
     def _answer(self, command: Command) -> str:
-        if command.kind is None or command.kind.name not in self._do:
+        if command.name not in self._do:
             self._deny(command.problem)
             return protocol.failed(command, command.error or protocol.UNAVAILABLE)
-        shown = " ".join((command.kind.name, *command.arguments))
+        shown = " ".join((command.name, *command.arguments))
         try:
-            return protocol.answered(command, self._do[command.kind.name](*command.arguments))
+            return protocol.answered(command, self._do[command.name](*command.arguments))
         except ValueError as error:
             self._deny(f"{shown}: {error}")
             return protocol.failed(command, protocol.INVALID)
         except OrientdError as error:
-            self._deny(f"{command.kind.name} was refused: {error}")
+            self._deny(f"{command.name} was refused: {error}")
             is_lost = isinstance(error, DaemonError | DeviceError)
             return protocol.failed(command, protocol.IO_ERROR if is_lost else protocol.REJECTED)
 

@@ -1,9 +1,14 @@
-"""The device behind an adapter: one lease, one session of targets or one motion at a time."""
+"""The device behind an adapter: one lease, one session of targets or one motion at a time.
+
+And the warnings of requests that an adapter denies.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import threading
+import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol, Self, TypeVar, Unpack
 
@@ -15,6 +20,9 @@ from orientd.rotation import Quaternion
 
 _LONGEST_STOP = 10.0
 """Longest wait for a motion to stop at the end, s."""
+
+_MOST_WARNINGS = 5
+"""Most warnings in a second."""
 
 Begun = TypeVar("Begun")
 
@@ -211,6 +219,34 @@ class Served:
         """
         if self._is_closed:
             raise StateError("the server has ended")
+
+
+class Denials:
+    """Warnings of denied requests, few enough to read: a program repeats its mistake.
+
+    It may be called by several threads.
+    """
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        """Begin without a warning.
+
+        Args:
+            warn: takes each warning, one line.
+        """
+        self._warn, self._last = warn, ""
+        self._times: deque[float] = deque(maxlen=_MOST_WARNINGS)
+        self._lock = threading.Lock()
+
+    def __call__(self, problem: str) -> None:
+        """Warn of a problem, unless it is the last one again, or one of many in a second."""
+        with self._lock:
+            now = time.monotonic()
+            is_flood = len(self._times) == _MOST_WARNINGS and now < self._times[0] + 1.0
+            if problem == self._last or is_flood:
+                return
+            self._last = problem
+            self._times.append(now)
+        self._warn(problem)
 
 
 def named(q: Components) -> Quaternion:

@@ -2,7 +2,7 @@ import random
 
 from orientd.client import DRIFT
 from orientd.clock import ManualClock
-from orientd_fleet import ClockOffset
+from orientd_fleet.client import ClockOffset
 
 
 class Other:

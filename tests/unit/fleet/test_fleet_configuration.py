@@ -5,8 +5,13 @@ import pytest
 
 from orientd import config
 from orientd.errors import ConfigError, RequestError
-from orientd_fleet import address_of, member_configuration, read_plan, router_configuration
-from orientd_fleet.access import session_configuration
+from orientd_fleet import read_plan
+from orientd_fleet.access import (
+    address_of,
+    member_configuration,
+    router_configuration,
+    session_configuration,
+)
 from orientd_fleet.gateway import _fingerprint
 from orientd_fleet.settings import MemberSettings
 

@@ -8,8 +8,7 @@ import pytest
 from orientd.errors import DaemonError, LateError
 from orientd.planner import Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
-from orientd_fleet.plan_file import FleetMotion
-from orientd_fleet.together import Together, _all_or_none, _wait
+from orientd_fleet.together import FleetMotion, Together, _all_or_none, _wait
 
 HOME = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))])
 
