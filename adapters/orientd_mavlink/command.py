@@ -12,7 +12,7 @@ import click
 from orientd.cli.command import Commander, Host, need_extra
 from orientd.cli.output import Output, complain
 from orientd.cli.parameters import Option, command
-from orientd_serving.command import finite, run
+from orientd_serving.command import run
 
 
 def _peers(
@@ -61,7 +61,7 @@ def mavlink(
         Option(
             metavar="DEG",
             help="Angle from the x axis of the base frame to north, towards y; default: unknown.",
-            callback=finite,
+            range=(-360.0, 360.0),
         ),
     ] = None,
 ) -> None:

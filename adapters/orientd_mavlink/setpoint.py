@@ -185,8 +185,7 @@ class Setpoint:
     def begin(self, q: Quaternion) -> None:
         """Stand still at an orientation ``(w, x, y, z)`` of the tool in the base frame."""
         turned = multiply(of_angles(self.base), mirrored(q))
-        frame = _frame(self.base, self.flags, self._is_from_north)
-        self._goals = angles_of(multiply(conjugate(frame), turned))
+        self._goals = angles_of(multiply(conjugate(self._frame()), turned))
         self.settle()
 
     def settle(self) -> None:
@@ -205,10 +204,10 @@ class Setpoint:
             wish = Wish(NEUTRAL | ROLL_LOCK | PITCH_LOCK, (0.0, 0.0, 0.0))
         is_turning = [math.isinf(goal) for goal in self._goals]
         last = [a if math.isinf(b) else b for a, b in zip(self._angles, self._goals, strict=True)]
-        before = _frame(self.base, self.flags, self._is_from_north)
+        before = self._frame()
         asked = _frame(self.base, wish.flags, wish.is_from_north)
         self.flags = wish.flags
-        after = _frame(self.base, self.flags, self._is_from_north)
+        after = self._frame()
         self._angles = _seen(before, self._angles, after)
         last = _seen(before, last, asked)
         new = [old if math.isnan(one) else one for old, one in zip(last, wish.angles, strict=True)]
@@ -250,13 +249,11 @@ class Setpoint:
 
     def orientation(self) -> Quaternion:
         """Return the orientation ``(w, x, y, z)`` of the tool in the base frame."""
-        frame = _frame(self.base, self.flags, self._is_from_north)
-        turn = multiply(frame, of_angles(self._angles))
+        turn = multiply(self._frame(), of_angles(self._angles))
         return mirrored(multiply(conjugate(of_angles(self.base)), turn))
 
-    @property
-    def _is_from_north(self) -> bool:
-        return bool(self.flags & YAW_LOCK)
+    def _frame(self) -> Quaternion:
+        return _frame(self.base, self.flags, bool(self.flags & YAW_LOCK))
 
     def _brake(self, k: int) -> None:
         """Let an angle come to rest from its present rate."""

@@ -82,7 +82,7 @@ def rotctld(
             complain({"message": table.summary}, as_json=out.as_json)
     if tle is not None:
         targets += from_elements(tle, observer_of(observer))
-    ranges = Ranges(azimuth, elevation)  # type: ignore[arg-type] # from the callbacks
+    ranges = Ranges(azimuth, elevation, north)  # type: ignore[arg-type] # from the callbacks
     run(
         "rotctld",
         to,
@@ -92,7 +92,6 @@ def rotctld(
             host=host,
             port=port,
             ranges=ranges,
-            north=north,
             targets=targets,
             notify=out.say,
         ),

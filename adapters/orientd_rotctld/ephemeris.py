@@ -126,16 +126,16 @@ def from_table(path: Path) -> Table:
         found[(when < times[0]) | (when > times[-1]) | is_within] = np.nan
         return found
 
-    error, summary = _judged([_Estimate.of(one, times[one], points[one]) for one in passes], rows)
+    known = [_estimate(one, times[one], points[one]) for one in passes if len(one) >= _ESTIMATED]
+    error, summary = _judged(known, rows)
     return Table(Target(path.stem, at), error, f"{path}: {summary}")
 
 
-@dataclass(frozen=True, slots=True)
-class _Estimate:
+class _Estimate(NamedTuple):
     """The estimated error between the rows of a pass.
 
     Attributes:
-        error: the largest, degrees; NaN if the pass has too few rows.
+        error: the largest, degrees.
         row: number of the row near which it is largest.
         gain: factor by which it falls when rows are twice as close.
         spacing: usual time from row to row, s.
@@ -146,21 +146,19 @@ class _Estimate:
     gain: float
     spacing: float
 
-    @classmethod
-    def of(cls, rows: NDArray[np.int64], times: Floats, points: Floats) -> _Estimate:
-        spacing = float(np.median(np.diff(times))) if len(times) > 1 else math.nan
-        if len(times) < _ESTIMATED:
-            return cls(math.nan, int(rows[0]), _LEAST_GAIN, spacing)
-        second, fourth = (_missed(times, points, every) for every in (2, 4))
-        worst, gain = int(np.argmax(second)), _LEAST_GAIN
-        if fourth.any() and second.any():
-            gain = min(max(float(fourth.max() / second.max()), 1.0), _MOST_GAIN)
-        return cls(math.degrees(second[worst]) / gain, int(rows[worst]), gain, spacing)
+
+def _estimate(rows: NDArray[np.int64], times: Floats, points: Floats) -> _Estimate:
+    """Return the error between the rows of a pass that has enough of them."""
+    second, fourth = (_missed(times, points, every) for every in (2, 4))
+    worst, gain = int(np.argmax(second)), _LEAST_GAIN
+    if fourth.any() and second.any():
+        gain = min(max(float(fourth.max() / second.max()), 1.0), _MOST_GAIN)
+    spacing = float(np.median(np.diff(times)))
+    return _Estimate(math.degrees(second[worst]) / gain, int(rows[worst]), gain, spacing)
 
 
-def _judged(estimates: list[_Estimate], rows: list[_Row]) -> tuple[float, str]:
+def _judged(known: list[_Estimate], rows: list[_Row]) -> tuple[float, str]:
     """Return the largest error of the passes, degrees, and what is said about it."""
-    known = [one for one in estimates if not math.isnan(one.error)]
     if not known:
         return math.nan, (
             f"{len(rows)} rows do not show how far the target is from the curve between them; "

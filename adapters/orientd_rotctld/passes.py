@@ -45,7 +45,6 @@ class Passes:
         served: Served,
         targets: Sequence[Target],
         *,
-        north: float,
         ranges: Ranges,
         notify: Callable[[str], None],
     ) -> None:
@@ -54,13 +53,10 @@ class Passes:
         Args:
             served: the device.
             targets: the known ones.
-            north: angle of north from the world's x axis, counted towards y, degrees.
             ranges: of the directions to point at.
             notify: takes lines for people.
         """
-        self._ranges = ranges
-        self._served, self._notify = served, notify
-        self._north = math.remainder(north, 360.0)
+        self._served, self._ranges, self._notify = served, ranges, notify
         self.targets = targets
         self._pass: Pass | None = None
         self._otherwise: Callable[[], None] = lambda: None
@@ -178,7 +174,7 @@ class Passes:
         for _ in range(_TRIES):
             times = wanted.times(start)
             azimuth, elevation = angles(wanted.target.at(times)).T
-            azimuth = np.unwrap(azimuth, period=360.0) - self._north
+            azimuth = np.unwrap(azimuth, period=360.0) - math.remainder(self._ranges.north, 360.0)
             request = satellite_pass(times - start, azimuth, elevation, name=wanted.target.name)
             asked = time.time()
             plan = self._served.robot.plan(request, device=self._served.name)

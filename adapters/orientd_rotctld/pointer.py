@@ -54,17 +54,15 @@ class Pointer:
         asked: the newest direction that was asked for; ``None`` before the first.
     """
 
-    def __init__(self, served: Served, passes: Passes, *, north: float, ranges: Ranges) -> None:
+    def __init__(self, served: Served, passes: Passes, ranges: Ranges) -> None:
         """Point a device.
 
         Args:
             served: the device.
             passes: the known ones.
-            north: angle of north from the world's x axis, counted towards y, degrees.
             ranges: of the directions to point at; they may allow flip mode.
         """
-        self._served, self._passes = served, passes
-        self._north, self._ranges = north, ranges
+        self._served, self._passes, self._ranges = served, passes, ranges
         self._prediction = Prediction()
         self._motion: MoveHandle | None = None
         self._goal: Floats | None = None
@@ -83,7 +81,7 @@ class Pointer:
         cycle = self._served.report().cycle
         if not cycle.HasField("feedback_q"):
             return None
-        found = direction(to_quaternion(cycle.feedback_q), self._north)
+        found = direction(to_quaternion(cycle.feedback_q), self._ranges.north)
         return self._ranges.form(found, self.asked or Direction(180.0, 45.0), SLACK)
 
     def stop(self) -> None:
@@ -207,13 +205,13 @@ class Pointer:
 
     def _now(self) -> Direction:
         """Return the direction of the newest setpoint, tipped over if the device is."""
-        form = direction(to_quaternion(self._served.report().cycle.q), self._north)
+        form = direction(to_quaternion(self._served.report().cycle.q), self._ranges.north)
         if abs(abs(form.elevation) - 90.0) > _ZENITH:
             self._is_tipped = abs(form.elevation) > 90.0
         return form
 
     def _pose(self, form: Direction) -> Quaternion:
-        return named(orientation(form, self._north))
+        return named(orientation(form, self._ranges.north))
 
     def _follow(self, now: float, wanted: Direction, asked: Direction, before: Prediction) -> None:
         """Send the predicted path for the time until the position after the next."""
@@ -247,7 +245,8 @@ class Pointer:
         """Return a unit vector as the direction of a tool, tipped over or not as the device is."""
         found = Direction(*angles(point).tolist())
         if self._ranges.tips:
-            return found.in_turn_of(near)
+            around = Ranges((near.azimuth - 180.0, near.azimuth + 180.0), (-180.0, 180.0))
+            return around.form(found, near)
         return found.tipped() if self._is_tipped else found
 
 

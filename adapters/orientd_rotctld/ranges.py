@@ -18,10 +18,12 @@ class Ranges:
     Attributes:
         azimuth: the least and the largest, degrees.
         elevation: the least and the largest, degrees.
+        north: angle of north from the world's x axis, counted towards y, degrees.
     """
 
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
+    north: float = 0.0
 
     @property
     def tips(self) -> bool:

@@ -55,7 +55,6 @@ class Rotctld:
         host: str,
         port: int,
         ranges: Ranges,
-        north: float,
         targets: Sequence[Target] = (),
         notify: Callable[[str], None],
     ) -> None:
@@ -66,7 +65,6 @@ class Rotctld:
             host: an address of this machine.
             port: 0 for any.
             ranges: what clients may ask for.
-            north: angle of north from the world's x axis, counted towards y, degrees.
             targets: whose passes are planned whole.
             notify: takes lines for people.
 
@@ -74,8 +72,8 @@ class Rotctld:
             DaemonError: the port is in use, or the address is not one of this machine.
         """
         self._served, self._ranges, self._notify = served, ranges, notify
-        self._passes = Passes(served, targets, north=north, ranges=ranges, notify=notify)
-        self._pointer = Pointer(served, self._passes, north=north, ranges=ranges)
+        self._passes = Passes(served, targets, ranges=ranges, notify=notify)
+        self._pointer = Pointer(served, self._passes, ranges)
         self._deny = Denials(notify)
         listening = own_socket(host, port)
         self._listener = ClientListener(listening)

@@ -20,22 +20,10 @@ serve = OpenGroup(
 )
 
 
-def finite(context: click.Context, parameter: click.Parameter, given: float | None) -> float | None:
-    """Return the number of an option.
-
-    Raises:
-        click.BadParameter: it is not finite.
-    """
-    del context
-    if given is not None and not math.isfinite(given):
-        raise click.BadParameter(f"expected a finite number, got {given}", param=parameter)
-    return given
-
-
 NORTH = Option(
     metavar="DEG",
     help="Angle from the x axis of the base frame to north, towards y.",
-    callback=finite,
+    range=(-360.0, 360.0),
 )
 
 

@@ -41,28 +41,6 @@ class Direction:
         """Return the same direction of a tool that has tipped over."""
         return Direction(self.azimuth + 180.0, 180.0 - self.elevation)
 
-    def in_turn_of(self, other: Direction) -> Direction:
-        """Return this direction in the form that is closest to *other*: turn, and tipped or not.
-
-        >>> Direction(2.0, 10.0).in_turn_of(Direction(358.0, 10.0))
-        Direction(azimuth=362.0, elevation=10.0)
-        >>> Direction(180.0, 85.0).in_turn_of(Direction(0.0, 97.0))
-        Direction(azimuth=0.0, elevation=95.0)
-        """
-        turned = [
-            Direction(
-                other.azimuth + math.remainder(form.azimuth - other.azimuth, 360.0),
-                math.remainder(form.elevation, 360.0),
-            )
-            for form in (self, self.tipped())
-        ]
-        return min(
-            turned,
-            key=lambda form: math.hypot(
-                form.azimuth - other.azimuth, form.elevation - other.elevation
-            ),
-        )
-
 
 def vectors(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
     """Return the unit vectors of directions, degrees, shape ``(..., 3)``."""

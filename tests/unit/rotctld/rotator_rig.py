@@ -108,7 +108,7 @@ class Rotator:
         """
         passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
         ranges = Ranges((-180.0, 540.0), (-90.0, 180.0 if tips else 90.0))
-        pointer = Pointer(self, passes, north=0.0, ranges=ranges)
+        pointer = Pointer(self, passes, ranges)
         every = round(1.0 / PERIOD)
         q, joints = [], []
         clock = SimpleNamespace(monotonic=lambda: self.now)

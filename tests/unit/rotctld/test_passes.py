@@ -58,7 +58,7 @@ def asked_twice(error, rise):
         return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
 
     served = Refusing(error)
-    passes = Passes(served, [Target("one", at)], north=0.0, ranges=RANGES, notify=lambda _: None)
+    passes = Passes(served, [Target("one", at)], ranges=RANGES, notify=lambda _: None)
     for _ in range(2):
         passes.takes(POINT, nothing)
         planning = passes._planning
@@ -88,8 +88,8 @@ def pointer_of(served, rise, notify=lambda _: None):
         height[times > begin + 100.0] = -0.1
         return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
 
-    passes = Passes(served, [Target("one", at)], north=0.0, ranges=RANGES, notify=notify)
-    return Pointer(served, passes, north=0.0, ranges=RANGES), passes
+    passes = Passes(served, [Target("one", at)], ranges=RANGES, notify=notify)
+    return Pointer(served, passes, RANGES), passes
 
 
 def test_a_position_is_pointed_at_if_its_pass_cannot_be_planned():
@@ -228,7 +228,7 @@ def test_a_pass_that_leaves_the_ranges_is_not_planned():
         return np.stack([np.cos(height), np.zeros(len(height)), np.sin(height)], axis=-1)
 
     low = Ranges((-180.0, 540.0), (0.0, 40.0))
-    passes = Passes(served, [Target("one", at)], north=0.0, ranges=low, notify=lines.append)
+    passes = Passes(served, [Target("one", at)], ranges=low, notify=lines.append)
     for _ in range(3):
         assert not passes.takes(POINT, nothing)
     assert served.asked == 0

@@ -42,7 +42,7 @@ class Device:
 def test_a_position_is_reached_again_after_a_stop_shortly_before_it(short):
     device = Device()
     passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
-    pointer = Pointer(device, passes, north=0.0, ranges=Ranges((-180.0, 540.0), (-90.0, 90.0)))
+    pointer = Pointer(device, passes, Ranges((-180.0, 540.0), (-90.0, 90.0)))
     pointer.go(Direction(40.0, 20.0))
     pointer.go(Direction(40.0, 20.0))
     assert device.moves == 1
@@ -70,7 +70,7 @@ def test_a_predicted_path_ends_at_the_end_of_a_range(monkeypatch, ranges, path, 
     clock.monotonic = lambda: clock.now
     monkeypatch.setattr(pointer_module, "time", clock)
     passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
-    pointer = Pointer(device, passes, north=0.0, ranges=ranges)
+    pointer = Pointer(device, passes, ranges)
     for azimuth, elevation in path:
         device.place(Direction(azimuth, elevation))
         pointer.go(Direction(azimuth, elevation))
