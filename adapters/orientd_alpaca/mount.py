@@ -179,7 +179,7 @@ class Mount:
                 start, now = time.monotonic(), time.time()
                 directions = [path(now + k * _STEP) for k in range(_POSES)]
                 poses = [named(self._orientation(one, self._roll)) for one in directions]
-                self.served.follow(poses, start, _STEP)
+                self.served.track().chunk(poses, rate=1.0 / _STEP, start=start)
                 ended.wait(_INTERVAL)
         except OrientdError as error:
             self.problem = str(error)

@@ -21,7 +21,7 @@ from pyarrow import parquet
 
 from orientd import motion_file
 from orientd.config import DeviceSettings
-from orientd.errors import OrientdError
+from orientd.errors import OrientdError, RequestError
 from orientd.files import MEBIBYTE, check_regular, read_bounded, written
 from orientd.one_line import one_line
 from orientd.planner import Motion, in_parallel
@@ -36,18 +36,16 @@ _VECTORS = ("omega_body", "alpha_body", "position")
 RECORD = ("qw", "qx", "qy", "qz", *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"))
 """Columns of the records, in addition to ``row`` and ``record``: setpoints in rad, m and s."""
 
-
-def _schema(integers: Sequence[str], texts: Sequence[str], floats: Sequence[str]) -> Any:  # noqa: ANN401 - of Arrow
-    kinds = ((integers, arrow.int64()), (texts, arrow.string()), (floats, arrow.float64()))
-    return arrow.schema([(name, kind) for names, kind in kinds for name in names])
-
-
-_ROWS = _schema(
-    ("row", "records"),
-    ("name", "outcome", "refusal", "notes"),
-    (*_FIGURES, *(f"{kind}_{name}" for name in _PEAKS for kind in ("peak", "limit"))),
+_PEAK_COLUMNS = [f"{kind}_{name}" for name in _PEAKS for kind in ("peak", "limit")]
+_ROWS = arrow.schema({
+    "row": arrow.int64(),
+    **dict.fromkeys(("name", "outcome", "refusal", "notes"), arrow.string()),
+    "records": arrow.int64(),
+    **dict.fromkeys((*_FIGURES, *_PEAK_COLUMNS), arrow.float64()),
+})  # fmt: skip
+_RECORDS = arrow.schema(
+    dict.fromkeys(("row", "record"), arrow.int64()) | dict.fromkeys(RECORD, arrow.float64())
 )
-_RECORDS = _schema(("row", "record"), (), RECORD)
 
 
 def plan_file(
@@ -173,14 +171,12 @@ def plan_part(
     for row, line in enumerate(part[1], part[0]):
         entries: dict[str, Any] = {"row": row, "name": ""}
         try:
-            mapping = json.loads(line)
+            mapping = _parsed(line)
             name = mapping.get("name") if isinstance(mapping, dict) else None
             entries["name"] = name if isinstance(name, str) else ""
             motion = planner.plan_offline(motion_file.parse(mapping))
-        except (OrientdError, ValueError, RecursionError) as error:
-            is_ours = isinstance(error, OrientdError)
-            refusal = str(error) if is_ours else f"not JSON: {error}"
-            entries |= {"outcome": "refused", "refusal": refusal}
+        except OrientdError as error:
+            entries |= {"outcome": "refused", "refusal": str(error)}
         else:
             entries |= _certified(motion)
             if has_records:
@@ -190,6 +186,13 @@ def plan_part(
                 records.append(arrow.table(table, schema=_RECORDS))
         rows.append(entries)
     return part[0], arrow.Table.from_pylist(rows, schema=_ROWS), arrow.concat_tables(records)
+
+
+def _parsed(line: str) -> Any:  # noqa: ANN401 - whatever JSON holds
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise RequestError("", f"not JSON: {error}") from None
 
 
 def _certified(motion: Motion) -> dict[str, Any]:

@@ -245,7 +245,8 @@ class Gimbal:
             tracking.aim(named(setpoint.orientation()), time_to_live=_LIFE)
             self._renewal = math.inf
         elif now > self._renewal:
-            self._served.follow([named(q) for q in setpoint.ahead(_POSES)], now, STEP)
+            poses = [named(q) for q in setpoint.ahead(_POSES)]
+            tracking.chunk(poses, rate=1.0 / STEP, start=now)
             self._renewal = now + _RENEWAL if setpoint.is_moving else math.inf
         self._is_turned = False
         if setpoint.is_moving:

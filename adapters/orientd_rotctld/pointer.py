@@ -238,7 +238,9 @@ class Pointer:
             form = self._form(point if kept == near else vector(kept), form)
             poses.append(self._pose(form))
         self._motion, self._is_following = None, False
-        self._served.follow(poses, float(times[0]), float(times[1] - times[0]))
+        self._served.track().chunk(
+            poses, rate=1.0 / float(times[1] - times[0]), start=float(times[0])
+        )
         self._is_following = True
 
     def _form(self, point: Floats, near: Direction) -> Direction:

@@ -12,6 +12,7 @@ import numpy as np
 from orientd.errors import OrientdError
 from orientd.rotation import Floats
 from orientd.sun import sidereal_time
+from orientd_serving.pointing import vectors
 
 _SIGHT = math.radians(1.0)
 """Largest angle from a target to a position that means it, rad."""
@@ -213,27 +214,14 @@ def text_of(path: Path) -> str:
 
 def _seen(satellite: object, observer: tuple[float, float, float]) -> Callable[[Floats], Floats]:
     """Return the function of a satellite's unit vectors as an observer sees it."""
-    latitude, longitude = np.radians(observer[:2])
+    latitude, longitude, height = observer
+    sine = math.sin(math.radians(latitude))
     squeeze = _FLATTENING * (2.0 - _FLATTENING)
-    curve = _EARTH / math.sqrt(1.0 - squeeze * math.sin(latitude) ** 2)
-    height = 1e-3 * observer[2]
-    level = (curve + height) * math.cos(latitude)
-    place = np.array(
-        [
-            level * math.cos(longitude),
-            level * math.sin(longitude),
-            (curve * (1.0 - squeeze) + height) * math.sin(latitude),
-        ]
-    )
-    north = np.array(
-        [
-            -math.sin(latitude) * math.cos(longitude),
-            -math.sin(latitude) * math.sin(longitude),
-            math.cos(latitude),
-        ]
-    )
-    west = np.array([math.sin(longitude), -math.cos(longitude), 0.0])
-    axes = np.stack([north, west, np.cross(north, west)])
+    curve = _EARTH / math.sqrt(1.0 - squeeze * sine**2)
+    # In the axes of the earth longitude counts the other way round than azimuth.
+    up, north = vectors(-longitude, latitude), vectors(-longitude, latitude + 90.0)
+    axes = np.stack([north, np.cross(up, north), up])
+    place = (curve + 1e-3 * height) * up - np.array([0.0, 0.0, curve * squeeze * sine])
 
     def at(times: Floats) -> Floats:
         errors, places, _ = satellite.sgp4_array(  # type: ignore[attr-defined] # Satrec of sgp4

@@ -9,7 +9,7 @@ import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Protocol, Self, TypeVar, Unpack
 
 from orientd.client import MoveHandle, Playing, RequestFields, Robot
@@ -111,7 +111,8 @@ class Served:
     def track(self) -> Playing:
         """Return the session of targets or chunks of poses; begin one if there is none.
 
-        It replaces a running motion without a step in velocity.
+        It replaces a running motion without a step in velocity.  The servo knows a chunk ahead, so
+        a delay of this process does not disturb the motion.
 
         Raises:
             OrientdError: the daemon refuses it.
@@ -128,21 +129,6 @@ class Served:
                 tracking = self._leased(lambda: self.robot.play(device=self.name))
             self._tracking, self._moving = tracking, None
             return tracking
-
-    def follow(self, poses: Sequence[Quaternion], start: float, step: float) -> None:
-        """Follow a path, and come to rest at its end.
-
-        The servo knows the whole path, so a delay of this process does not disturb the motion.
-
-        Args:
-            poses: orientations of the tool at equal times, at most 64.
-            start: time of the first one, s, by :func:`time.monotonic`.
-            step: time between two of them, s.
-
-        Raises:
-            OrientdError: the daemon refuses it.
-        """
-        self.track().chunk(poses, rate=1.0 / step, start=start)
 
     def move(
         self,

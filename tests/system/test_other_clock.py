@@ -100,7 +100,8 @@ def test_a_device_points_from_a_base_with_stamps(distant, robot):
 def test_an_adapter_follows_a_path_at_its_times(distant, robot):
     with Served(robot) as served:
         start = time.monotonic() + 0.5
-        served.follow([about_z(0.01 * k) for k in range(40)], start, 0.05)
+        poses = [about_z(0.01 * k) for k in range(40)]
+        served.track().chunk(poses, rate=20.0, start=start)
         play = served.track()
         until(lambda: play.timing().chunks, "the path")
         assert (play.timing().live, play.timing().stale) == (40, 0)

@@ -78,12 +78,15 @@ class Rotator:
     def rest(self):
         """Rest: the moves of this device do not turn it."""
 
-    def follow(self, poses, start, step):
+    def track(self):
+        return self
+
+    def chunk(self, poses, *, rate, start):
         if self.rig.cycle.state is not ServoState.TRACKING:
             self._motion += 1
             self.rig.ask(Command.TRACK, motion=self._motion, servo_limits=LIMITS)
         samples = [
-            Sample(round(1e9 * (start + step * k)), (one.w, one.x, one.y, one.z))
+            Sample(round(1e9 * (start + k / rate)), (one.w, one.x, one.y, one.z))
             for k, one in enumerate(poses)
         ]
         publish_chunk(self.rig.memory.chunks, samples)

@@ -65,7 +65,7 @@ def test_a_predicted_path_ends_at_the_end_of_a_range(monkeypatch, ranges, path, 
     """A program sends positions up to the end, and the target goes on."""
     device = Device()
     sent = []
-    device.follow = lambda poses, *_: sent.extend(poses)
+    device.track = lambda: SimpleNamespace(chunk=lambda poses, **_: sent.extend(poses))
     clock = SimpleNamespace(now=100.0)
     clock.monotonic = lambda: clock.now
     monkeypatch.setattr(pointer_module, "time", clock)
