@@ -44,7 +44,7 @@ _AGAIN = 1.0
 """Time after which something that has failed is tried again, s."""
 
 _LOOK = 0.1
-"""Least interval between two connections to the daemon, s."""
+"""Least interval between two connections to the daemon, or two looks for a client, s."""
 
 _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 30.0
 """Shortest and longest time before the cell is joined again with settings that failed, s."""
@@ -83,11 +83,8 @@ class Gateway:
             self._key("state"), congestion_control=zenoh.CongestionControl.DROP
         )
         self._present: list[Any] = []
-        self._is_watched = False
-        self._lock = threading.Lock()
-        self._publishing, self._closing = threading.Event(), threading.Event()
+        self._closing = threading.Event()
         self._closed, self._is_closing = sockets.socketpair()
-        self._listener = self._state.declare_matching_listener(self._note_watchers)
         self._threads = [
             threading.Thread(
                 target=self._keep, args=(name, work), name=f"orientd fleet {name}", daemon=True
@@ -101,13 +98,9 @@ class Gateway:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
         """Leave the cell."""
         self._closing.set()
         self._is_closing.close()
-        self._update()
         for thread in self._threads:
             thread.join()
         self._session.close()  # type: ignore[no-untyped-call] # Zenoh's stub
@@ -171,38 +164,31 @@ class Gateway:
             ),
             session.liveliness().declare_token(self._key("alive", self._address)),
         ]
-        self._update()
         _log.info("fleet: %s is in cell %s", self._name, self._cell)
 
     def _disappear(self) -> None:
         """Withdraw what was declared of the daemon: the presence first."""
         present, self._present = self._present, []
-        self._update()
         for declared in reversed(present):
             declared.undeclare()
 
     # State
 
-    def _note_watchers(self, status: zenoh.MatchingStatus) -> None:
-        self._is_watched = bool(status.matching)
-        self._update()
-
-    def _update(self) -> None:
-        """Publish only while a client watches and the daemon is there."""
-        with self._lock:
-            if self._closing.is_set() or (self._is_watched and self._present):
-                self._publishing.set()
-            else:
-                self._publishing.clear()
+    def _is_watched(self) -> bool:
+        """Return whether the daemon is there and a client wants its state."""
+        status: Any = self._state.matching_status  # no bool, as Zenoh's stub has it
+        return bool(self._present) and bool(status.matching)
 
     def _publish(self) -> None:
-        """Publish the daemon's state at its rate while that is asked for."""
+        """Publish the daemon's state at its rate while a client wants it."""
         problem = ""
-        while self._publishing.wait() and not self._closing.is_set():
+        while not self._closing.wait(_LOOK):
+            if not self._is_watched():
+                continue
             try:
                 with connect(self._socket, timeout=ANSWER) as robot:
                     due = time.monotonic()
-                    while self._publishing.is_set() and not self._closing.is_set():
+                    while self._is_watched() and not self._closing.is_set():
                         now = time.monotonic_ns()
                         report = robot.state()
                         state = pb.GetStateResponse(
