@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as arrow
 from pyarrow import parquet
 
@@ -180,9 +181,9 @@ def plan_part(
         else:
             entries |= _certified(motion)
             if has_records:
-                count = range(motion.record_count)
-                columns = motion.rows(0, len(count)).T[: len(RECORD)]
-                table = [arrow.array([row] * len(count)), arrow.array(count), *columns]
+                setpoints = motion.rows(0, motion.record_count).T[: len(RECORD)]
+                number = np.arange(motion.record_count)
+                table = [np.full_like(number, row), number, *setpoints]
                 records.append(arrow.table(table, schema=_RECORDS))
         rows.append(entries)
     return part[0], arrow.Table.from_pylist(rows, schema=_ROWS), arrow.concat_tables(records)
