@@ -184,7 +184,7 @@ class Pointer:
         shorter = math.copysign(1.0, float(np.dot(begin, end)))
         way = slerp(begin, shorter * end, np.linspace(0.0, 1.0, _LOOKS)).tolist()
         kept = self._ranges.narrowed(margin)
-        return all(kept.has_form(direction((w, x, y, z), self._north)) for w, x, y, z in way)
+        return all(kept.has_form(direction((w, x, y, z), self._ranges.north)) for w, x, y, z in way)
 
     def _within_ranges(self, wanted: Direction, before: Direction) -> list[Quaternion]:
         """Return keyframes from the device's orientation to a direction, all in the ranges.

@@ -40,7 +40,8 @@ class Ranges:
     def narrowed(self, margin: float) -> Ranges:
         """Return the ranges without what is within *margin* degrees of their ends."""
         (west, east), (low, high) = self.azimuth, self.elevation
-        return Ranges((west + margin, east - margin), (low + margin, high - margin))
+        azimuth, elevation = (west + margin, east - margin), (low + margin, high - margin)
+        return Ranges(azimuth, elevation, self.north)
 
     def problem(self, wanted: Direction) -> str:
         """Return which angle of a direction is beyond its range; empty if none is."""

@@ -96,7 +96,7 @@ def test_a_move_goes_around_what_is_beyond_the_ranges(ranges, end):
     device.rest = lambda: None
     device.move = lambda poses, **_: sent.extend(poses) or SimpleNamespace(is_done=True)
     passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
-    pointer = Pointer(device, passes, north=0.0, ranges=ranges)
+    pointer = Pointer(device, passes, ranges=ranges)
     begin = ranges.nearest(Direction(10.0, 20.0))
     device.place(begin)
     pointer.go(end)
@@ -114,7 +114,7 @@ def test_a_moving_device_near_an_edge_stops_before_it_turns_back():
     device.move = lambda *_, **__: done.append("move") or SimpleNamespace(is_done=True)
     passes = SimpleNamespace(takes=lambda *_: False, leave=lambda: None)
     ranges = Ranges((0.0, 270.0), (0.0, 60.0))
-    pointer = Pointer(device, passes, north=0.0, ranges=ranges)
+    pointer = Pointer(device, passes, ranges=ranges)
     for elevation, expected in ((4.0, ["rest", "move"]), (30.0, ["move"])):
         device.place(Direction(100.0, elevation))
         cycle = pb.Cycle(q=device.report().cycle.q, omega_body=pb.Vector3(y=1.0))
