@@ -31,7 +31,6 @@ from orientd.daemon.access import (
 )
 from orientd.daemon.calls import Service
 from orientd.daemon.devices import Devices
-from orientd.daemon.reload import changes
 from orientd.daemon.standard import standard_methods
 from orientd.daemon.stops import StopFolder
 from orientd.daemon.systemd import Watchdog, notify
@@ -42,6 +41,10 @@ from orientd.protocol import control_pb2
 if TYPE_CHECKING:
     from orientd.daemon.calls import Telemetry
     from orientd.daemon.device import Device, DeviceEvent
+
+
+from collections.abc import Iterator
+from typing import Any
 
 _log = logging.getLogger(__name__)
 
@@ -365,3 +368,38 @@ async def _start_device_again(device: Device) -> None:
         if device.failure:
             with contextlib.suppress(OrientdError):
                 await device.workers.commands.run(device.reset)
+
+
+CHANGEABLE = (
+    "daemon.log_level",
+    "access.users",
+    "access.groups",
+    "access.certificates",
+    "access.keyframes",
+    "access.streams",
+    "tcp.certificate",
+    "tcp.key",
+    "tcp.ca",
+    "tcp.crl",
+    "tcp.revoked",
+    "metrics",
+)
+"""Keys, with everything below them; the daemon reads the files that they name again too."""
+
+
+def changes(before: Settings, after: Settings) -> tuple[list[str], list[str]]:
+    """Return the keys that differ: those that can change while the daemon runs, and the others."""
+    differing = sorted(set(_differing(before.model_dump(), after.model_dump(), "")))
+    can = [key for key in differing if any(f"{key}.".startswith(f"{c}.") for c in CHANGEABLE)]
+    return can, [key for key in differing if key not in can]
+
+
+def _differing(before: Any, after: Any, key: str) -> Iterator[str]:  # noqa: ANN401 - any value
+    if before == after:
+        return
+    if isinstance(before, dict) and isinstance(after, dict):
+        for name in before.keys() | after.keys():
+            inner = f"{key}.{name}" if key else str(name)
+            yield from _differing(before.get(name), after.get(name), inner)
+    else:
+        yield key

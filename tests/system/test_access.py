@@ -22,7 +22,7 @@ from page import page_at
 
 import orientd
 from orientd.config import Role
-from orientd.daemon.access.rules import RULES
+from orientd.daemon.access.authorization import RULES
 from orientd.errors import AccessError, DaemonError, LeaseError, RequestError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import control_stub

@@ -8,7 +8,7 @@ from authority import OPENSSL, Authority
 
 from orientd.client.channel import certificate_files
 from orientd.config import TcpSettings
-from orientd.daemon.access.tls import server_context
+from orientd.daemon.access.listener import server_context
 from orientd.errors import ConfigError, DaemonError
 
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
-from orientd.daemon.device.axes import DeviceAxes
 from orientd.daemon.device.cycle_memory import CycleMemory
 from orientd.daemon.device.event import DeviceEvent, EventKind
 from orientd.daemon.device.queue import STOPPED, MotionQueue
@@ -24,7 +23,7 @@ from orientd.daemon.device.queued_motion import AT_ONCE, Ended, MoveOptions, Que
 from orientd.daemon.device.retarget import Retargeting
 from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
 from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
-from orientd.daemon.device.target_writer import TargetWriter
+from orientd.daemon.device.target_writer import DeviceAxes, TargetWriter
 from orientd.daemon.leases import Lease, Leases
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.workers import DeviceWorkers, LoopErrors

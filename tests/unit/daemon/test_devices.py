@@ -13,8 +13,7 @@ from fake_device import FakeServo, servo_of, tend
 from orientd import config
 from orientd.clock import ManualClock
 from orientd.daemon.device import AT_ONCE, MoveOptions
-from orientd.daemon.devices import Devices
-from orientd.daemon.plan_store import KEPT_PLANS
+from orientd.daemon.devices import KEPT_PLANS, Devices
 from orientd.errors import (
     DaemonError,
     Fault,

@@ -9,8 +9,7 @@ import threading
 import pytest
 
 from orientd import config
-from orientd.daemon.reload import changes
-from orientd.daemon.server import _Daemon
+from orientd.daemon.server import _Daemon, changes
 
 TCP = {"listen": "a:1", "certificate": "/c", "key": "/k", "ca": "/a"}
 

@@ -1,7 +1,7 @@
 """The table of roles has a row for every call, and says what is safe for what it does not have."""
 
 from orientd.config import Role
-from orientd.daemon.access.rules import CONTROL, RULES, rule
+from orientd.daemon.access.authorization import CONTROL, RULES, rule
 from orientd.protocol import control_pb2 as pb
 
 SERVICE = pb.DESCRIPTOR.services_by_name["Control"]
