@@ -36,8 +36,7 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.trajectory import PIECE, Samples, Trajectory
-    from orientd.curves.warped import TimeMap
+    from orientd.curves.trajectory import PIECE, Samples, TimeMap, Trajectory
 
 __getattr__ = lazily(
     __name__,
@@ -77,7 +76,6 @@ __getattr__ = lazily(
             "parameters",
             "turns_name",
         ),
-        "orientd.curves.trajectory": ("PIECE", "Samples", "Trajectory"),
-        "orientd.curves.warped": ("TimeMap",),
+        "orientd.curves.trajectory": ("PIECE", "Samples", "TimeMap", "Trajectory"),
     },
 )

@@ -12,10 +12,9 @@ because no other state is ever chosen (:mod:`orientd.servo.motion_law`).  The te
 ruckig, whose duration about one axis is the optimum.
 """
 
-from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
+from orientd.servo.tracking.chunks import ChunkReport, knots_of, publish_chunk, read_report
 from orientd.servo.tracking.joint_stop import JointStop
 from orientd.servo.tracking.quintic import Knot
-from orientd.servo.tracking.spline import knots_of
 from orientd.servo.tracking.target_follower import TargetFollower
 from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint

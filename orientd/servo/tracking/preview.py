@@ -1,6 +1,6 @@
 """The reference of chunks: poses that are known ahead, and the seams between chunks.
 
-A chunk is a curve through its poses (:mod:`orientd.servo.tracking.spline`).  It replaces everything
+A chunk is a curve through its poses (:mod:`orientd.servo.tracking.chunks`).  It replaces everything
 from its first live pose on; poses whose time has passed only shape the curve.  The seam is one
 quintic.  It begins at the last setpoint, or at the last pose that is left of the chunk before.  It
 ends at the first knot that it can reach within the limits.  So the reference is continuous up to
