@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from orientd.driver.contract import Driver
 from orientd.driver.diagnosing import findings_of, needs
-from orientd.driver.finding import Finding, Verdict
 from orientd.driver.follow_check import FollowCheck
 from orientd.driver.foreign_python import python_command, python_version
 from orientd.driver.options import (
@@ -20,6 +19,7 @@ from orientd.driver.protocols import (
     Arriving,
     Diagnosable,
     Explaining,
+    Finding,
     Freeable,
     Healthy,
     Locatable,
@@ -29,6 +29,7 @@ from orientd.driver.protocols import (
     RestsInFault,
     Scaled,
     Tunable,
+    Verdict,
     tune,
 )
 from orientd.driver.registry import driver_target, load_driver, make_driver

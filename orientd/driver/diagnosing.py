@@ -13,8 +13,7 @@ import sys
 
 from orientd.clock import MonotonicClock
 from orientd.driver.contract import Driver
-from orientd.driver.finding import Finding
-from orientd.driver.protocols import Diagnosable
+from orientd.driver.protocols import Diagnosable, Finding
 
 
 def findings_of(driver: Driver) -> list[Finding]:

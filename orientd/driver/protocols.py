@@ -11,11 +11,39 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from orientd.driver.finding import Finding
 from orientd.driver.values import AxisGap, Feedback, PartHealth
 
 if TYPE_CHECKING:
     from orientd.driver.contract import Driver
+
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Verdict(Enum):
+    """The meaning of a finding for real-time operation, or for moving a device at all."""
+
+    OK = "ok"
+    IMPROVE = "improve"
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One finding.
+
+    Attributes:
+        name: what was inspected.
+        found: its value or state.
+        verdict: what that means.
+        mend: how to improve it; empty if nothing needs to change.
+    """
+
+    name: str
+    found: str
+    verdict: Verdict
+    mend: str = ""
 
 
 @runtime_checkable
