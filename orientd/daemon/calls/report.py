@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Iterable
+from typing import Any
 
 from orientd.daemon.device import Device, QueuedMotion
 from orientd.driver import PartHealth, Quaternion, Vector3
@@ -21,17 +22,17 @@ _MOST_CYCLES = 4096
 _SHARED_CYCLES = 1024
 
 
-def device_description(device: Device) -> pb.Device:
-    """Return what the configuration says of *device*."""
-    return pb.Device(
-        name=device.name,
-        driver=device.driver,
-        rate_hz=device.rate_hz,
-        limits=limits_to_message(device.limits),
-        lead=device.lead,
-        phase=device.phase,
-        keep_out=map(cone_message, device.keep_out),
-    )
+def described(device: Device) -> dict[str, Any]:
+    """Return what the configuration says of *device*: the fields of a ``Device``."""
+    return {
+        "name": device.name,
+        "driver": device.driver,
+        "rate_hz": device.rate_hz,
+        "limits": limits_to_message(device.limits),
+        "lead": device.lead,
+        "phase": device.phase,
+        "keep_out": map(cone_message, device.keep_out),
+    }
 
 
 def device_report(device: Device) -> pb.DeviceReport:
@@ -43,13 +44,7 @@ def device_report(device: Device) -> pb.DeviceReport:
     if cycle is not None and cycle.has_feedback:
         feedback_age = age + cycle.feedback_age_ns / NANOSECONDS
     return pb.DeviceReport(
-        name=device.name,
-        driver=device.driver,
-        rate_hz=device.rate_hz,
-        limits=limits_to_message(device.limits),
-        lead=device.lead,
-        phase=device.phase,
-        keep_out=map(cone_message, device.keep_out),
+        **described(device),
         state=f"STATE_{now.state.name}",
         fault=f"FAULT_{now.fault.name}",
         fault_text=now.fault_text,

@@ -216,7 +216,7 @@ class Service:
     ) -> pb.ListDevicesResponse:
         """List the devices."""
         devices = self._devices.by_name.values()
-        return pb.ListDevicesResponse(devices=map(report.device_description, devices))
+        return pb.ListDevicesResponse(devices=[pb.Device(**report.described(d)) for d in devices])
 
     # Planning
 
