@@ -200,7 +200,7 @@ def from_rest(
     # The position arrives with the approach and waits during the run-up of the orientation.
     positions = PositionPath.held(first.position)
     if move > SAME_PLACE:
-        positions = positions.after_move_from(start.position, 0.0, arrival)
+        positions = positions.after_move_from(start.position, arrival)
     return LeadIn(tuple(parts), cycles, positions)
 
 

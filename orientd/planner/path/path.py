@@ -124,10 +124,6 @@ class Path:
             position[is_after] = self.positions.last
         return PathSamples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
 
-    def orientations(self, times: Floats) -> Floats:
-        """Return the orientations at *times*, constant beyond the ends, shape ``(n, 4)``."""
-        return self.trajectory.orientations(times)
-
     def _is_held(self, times: Floats) -> tuple[Booleans, Booleans]:
         """Return whether *times* lie before the path or after it."""
         is_before = times <= 0.0 if self.begins_at_rest else times < 0.0

@@ -158,19 +158,18 @@ class PositionPath:
         last = self.state(time)[0]
         return PositionPath(breaks, self.coefficients[:count], self.first, last)
 
-    def after_move_from(self, position: Floats, begin: float, end: float) -> PositionPath:
+    def after_move_from(self, position: Floats, end: float) -> PositionPath:
         """Return a move from *position* to the first point of this path, followed by this path.
 
         Args:
             position: the initial position.
-            begin: start of the move, s.
-            end: end of the move, not later than this path's first break.
+            end: end of the move from time 0 on, not later than this path's first break, s.
         """
         # A move that takes no time bridges only a rounding error.
-        if begin == end or np.array_equal(position, self.first):
+        if not end or np.array_equal(position, self.first):
             return self
-        move = quintic((position, _STILL, _STILL), (self.first, _STILL, _STILL), end - begin)
-        return self.after(PositionPath(np.array([begin, end]), move[None], position, self.first))
+        move = quintic((position, _STILL, _STILL), (self.first, _STILL, _STILL), end)
+        return self.after(PositionPath(np.array([0.0, end]), move[None], position, self.first))
 
 
 def quintic(first: Motion3, last: Motion3, duration: float) -> Floats:

@@ -127,14 +127,6 @@ class RecordedPath:
         """Velocities of the axes at the records, rad/s, shape ``(n, axes)``."""
         return rates_of(self.table)
 
-    def joints_at(self, record: int) -> tuple[float, ...]:
-        """Return the axis angles at a record, rad, constant before the first and after the last."""
-        return tuple(self.joints[min(max(record, 0), len(self.table) - 1)].tolist())
-
-    def joint_rates_at(self, record: int) -> tuple[float, ...]:
-        """Return the velocities of the axes at a record, rad/s."""
-        return tuple(self.joint_rates[record].tolist())
-
     def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
         """Return the axis angles of the three records before one, oldest first."""
         joints = np.concatenate([self.earlier, self.joints])

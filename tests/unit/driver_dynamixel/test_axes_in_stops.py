@@ -224,9 +224,9 @@ def test_a_stop_where_another_motion_takes_over_keeps_the_limits_of_the_axes(mis
             new = DevicePlanner(driver_with(), limits=LIMITS, period=PERIOD).plan(
                 MotionRequest([Keyframe(tuple(target.tolist()))], approach=True),
                 start=motion.state_at(record),
-                joints=motion.path.joints_at(record),
+                joints=motion.recorded().joints_at(record),
                 before=motion.path.joints_before(record),
-                rates=motion.path.joint_rates_at(record),
+                rates=motion.recorded().joint_rates_at(record),
             )
         except PlanError:
             continue

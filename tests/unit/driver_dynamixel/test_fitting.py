@@ -219,7 +219,7 @@ def go_on(driver, motion, record, vector, *, seconds=None):
         keyframes = [
             one | {"time": when} for one, when in zip(keyframes, (0, seconds), strict=True)
         ]
-    joints, before = motion.path.joints_at(record), motion.path.joints_before(record)
+    joints, before = motion.recorded().joints_at(record), motion.path.joints_before(record)
     request = motion_file.parse({"keyframes": keyframes})
     return fitting_of(driver, state, joints, before).plan(request)
 
@@ -247,7 +247,7 @@ def test_path_that_begins_in_motion_goes_on_from_the_axes_as_they_move(share):
     assert ours[7:10] == pytest.approx(theirs[7:10], abs=1e-6)
     assert np.linalg.norm(ours[4:7]) > 0.3
     axes = np.array([*motion.path.joints_before(record), *onward.path.joints])
-    assert axes[3] == pytest.approx(motion.path.joints_at(record), abs=1e-9)
+    assert axes[3] == pytest.approx(motion.recorded().joints_at(record), abs=1e-9)
     # Whoever replaces it at once is told of the axes as they moved before it.
     assert np.array_equal(onward.path.joints_before(1), axes[1:4])
     velocity, acceleration = np.diff(axes, axis=0) / PERIOD, np.diff(axes, 2, axis=0) / PERIOD**2
@@ -278,10 +278,11 @@ def test_axes_of_a_motion_are_those_that_make_it():
     driver, motion = turned_once()
     q = motion.records(0, motion.record_count)[:, :4]
     made = [
-        driver._gimbal.orientation(motion.path.joints_at(k)) for k in range(motion.record_count)
+        driver._gimbal.orientation(motion.recorded().joints_at(k))
+        for k in range(motion.record_count)
     ]
     assert np.max(angle(np.array(made), q)) < 1e-7
-    assert motion.path.joints_at(-5) == motion.first_joints
-    assert motion.path.joints_at(10**6) == motion.last_joints
-    assert motion.path.joints_before(2) == tuple(motion.path.joints_at(k) for k in (0, 0, 1))
+    assert motion.recorded().joints_at(-3) == motion.first_joints
+    assert motion.recorded().joints_at(motion.record_count - 1) == motion.last_joints
+    assert motion.path.joints_before(2) == tuple(motion.recorded().joints_at(k) for k in (0, 0, 1))
     assert np.rad2deg(motion.last_joints) == pytest.approx([250, -20, 15], abs=1e-3)

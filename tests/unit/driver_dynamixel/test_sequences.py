@@ -262,6 +262,6 @@ def test_home_from_a_motion_is_planned_from_rest_only():
     with pytest.raises(PlanError, match="from rest only"):
         it.planner.plan(
             MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))], device_options={"home": True}),
-            start=motion.state_at(middle), joints=motion.path.joints_at(middle),
+            start=motion.state_at(middle), joints=motion.recorded().joints_at(middle),
             before=motion.path.joints_before(middle),
         )  # fmt: skip

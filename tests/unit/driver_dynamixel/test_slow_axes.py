@@ -75,10 +75,10 @@ def test_a_moving_device_is_stopped_rather_than_led_astray():
     with pytest.raises(PlanError, match="stop first"):
         rotator.plan(
             second,
-            motion.path.joints_at(1),
+            motion.recorded().joints_at(1),
             start=motion.state_at(1),
             before=motion.path.joints_before(1),
-            rates=motion.path.joint_rates_at(1),
+            rates=motion.recorded().joint_rates_at(1),
         )
 
 

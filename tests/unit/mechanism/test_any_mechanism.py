@@ -94,7 +94,7 @@ def figures(motion):
 def test_joints_make_every_pose_and_are_certified():
     motion = planned(WRIST, (0.5, 0.2, 0.4))
     for record in range(0, motion.record_count, 7):
-        q, _ = WRIST.forward(motion.path.joints_at(record))
+        q, _ = WRIST.forward(motion.recorded().joints_at(record))
         assert abs(np.dot(q, motion.path.table[record, :4])) == pytest.approx(1.0, abs=1e-12)
     assert motion.first_joints == pytest.approx(BENT, abs=1e-9)
     found = figures(motion)
@@ -192,8 +192,8 @@ def test_a_retargeted_motion_goes_on_with_the_axes_as_they_move():
     goal = tuple(multiply(state.q, exp(np.array([0.0, 0.3, -0.4]))).tolist())
     onward = planner.plan(
         MotionRequest([Keyframe(goal, position=(0.1, 0.0, 0.0))], approach=True), start=state,
-        joints=motion.path.joints_at(record), before=motion.path.joints_before(record),
+        joints=motion.recorded().joints_at(record), before=motion.path.joints_before(record),
     )  # fmt: skip
     axes = np.array([*motion.path.joints_before(record), *onward.path.joints])
     assert np.abs(np.diff(axes, 2, axis=0)).max() / PERIOD**2 <= 40.0 * 1.001
-    assert axes[3] == pytest.approx(motion.path.joints_at(record), abs=1e-9)
+    assert axes[3] == pytest.approx(motion.recorded().joints_at(record), abs=1e-9)

@@ -115,7 +115,7 @@ def several_paths(limits):
 def value_at(path, name, time):
     """Return the size of a backward difference of a path that was held before."""
     times = np.arange(round(time / PERIOD) - 3, round(time / PERIOD) + 1) * PERIOD
-    rate = reference.differences(path.orientations(np.maximum(times, 0.0)))[ANGULAR.index(name)][-1]
+    rate = reference.differences(path.sample(np.maximum(times, 0.0)).q)[ANGULAR.index(name)][-1]
     return np.linalg.norm(rate) / PERIOD ** (1 + ANGULAR.index(name))
 
 
@@ -142,7 +142,7 @@ def sampled(path, count, limits, before):
 def test_a_path_is_held_against_its_limits_as_numpy_does(limits, with_each):
     for number, motion in enumerate(several_paths(limits), LIMITS.index(limits)):
         path, count = motion.path, motion.record_count
-        q = path.orientations(np.zeros(3))
+        q = path.sample(np.zeros(3)).q
         befores = [None, (q, np.zeros((3, 3))), (q, np.full((3, 3), 0.1))]
         for before in befores if with_each else [befores[number % 3]]:
             found = measure(path, count, PERIOD, limits, before=before, tolerance=1.0)

@@ -121,8 +121,8 @@ def test_a_slowed_path_is_the_same_path_later():
 
 @pytest.mark.parametrize("path", [PATH.delayed(5.0), PositionPath.held(np.ones(3))])
 def test_a_move_before_the_path_brings_it_to_its_beginning(path):
-    moved = path.after_move_from(np.full(3, 9.0), 1.0, 2.0)
-    position, velocity, _ = moved.sample(np.array([0.5, 1.0, 2.0, 3.0]))
+    moved = path.after_move_from(np.full(3, 9.0), 2.0)
+    position, velocity, _ = moved.sample(np.array([-0.5, 0.0, 2.0, 3.0]))
     assert position[:2].tolist() == [[9.0] * 3] * 2
     assert position[2:] == pytest.approx(np.stack([path.first] * 2), abs=1e-12)
     assert np.abs(velocity).max() < 1e-12
@@ -131,7 +131,7 @@ def test_a_move_before_the_path_brings_it_to_its_beginning(path):
 
 
 def test_no_move_is_put_before_a_path_that_is_there_already():
-    assert PATH.after_move_from(PATH.first, 0.0, 0.0) is PATH
+    assert PATH.after_move_from(PATH.first, 0.0) is PATH
 
 
 @pytest.mark.parametrize("target", [None, (0.4, 0.0, 0.0), (-0.1, 0.0, 0.0)])
