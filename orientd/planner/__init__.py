@@ -30,11 +30,11 @@ if TYPE_CHECKING:
         Rate,
         named_frames,
     )
-    from orientd.planner.axis_path import reshaped
     from orientd.planner.blending import NOT_BLENDED, blend
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.device_planner import DevicePlanner
     from orientd.planner.facts import HISTORY, MOTION_RECORD, MotionFacts
+    from orientd.planner.fitting import reshaped
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
     from orientd.planner.offline import in_parallel, need_backend, plan_many
@@ -65,7 +65,7 @@ __getattr__ = lazily(
             "Rate",
             "named_frames",
         ),
-        "orientd.planner.axis_path": ("reshaped",),
+        "orientd.planner.fitting": ("reshaped",),
         "orientd.planner.blending": ("NOT_BLENDED", "blend"),
         "orientd.planner.certify.certificate": ("Certificate", "Peak"),
         "orientd.planner.device_planner": ("DevicePlanner",),

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,10 +48,6 @@ class Obstacle:
         """Return how far inside orientations are, rad; negative outside, shape ``(n,)``."""
         found: Floats = self.radius - angles(rotate(q, self.axis), self.direction)
         return found
-
-    def widened(self, by: float) -> Obstacle:
-        """Return the obstacle with a larger radius."""
-        return replace(self, radius=self.radius + by)
 
     def pushed(self, q: Floats, far: Floats) -> Floats:
         """Return orientations turned away from the direction by angles in rad, shape ``(n, 4)``."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orientd.planner.keep_out.enclosure import rates_between
+from orientd.planner.keep_out.clearance import rates_between
 from orientd.rotation import exp, multiply
 from orientd.servo import Segment, point_of
 from orientd.stream import JOINTS
