@@ -16,8 +16,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from orientd.errors import RequestError
-from orientd.model import FORMS, MotionRequest, motion_schema, written
-from orientd.model import read_request as parse
+from orientd.model.orientation import FORMS
+from orientd.model.reading import read_request as parse
+from orientd.model.reading import written
+from orientd.model.request import MotionRequest
+from orientd.model.schema import motion_schema
 from orientd.structured_text import parse_structured, read_structured
 
 _RECORDINGS = (".bag", ".csv", ".db3", ".mcap", ".tum")

@@ -22,7 +22,7 @@ import yaml
 
 from orientd.errors import RequestError
 from orientd.files import MEBIBYTE, read_bounded, written
-from orientd.model import joined
+from orientd.model.plain import joined
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -256,17 +256,15 @@ def write_structured(path: Path, mapping: Mapping[str, Any]) -> None:
         OrientdError: the file cannot be written.
     """
     is_json = path.suffix == ".json"
-    text = json.dumps(mapping, indent=1) + "\n" if is_json else structured(mapping)
+    text = (
+        json.dumps(mapping, indent=1) + "\n" if is_json else "".join(map(_in_yaml, mapping.items()))
+    )
     with written(path) as file:
         file.write_text(text, encoding="utf-8")
 
 
-def structured(mapping: Mapping[str, Any]) -> str:
-    """Return a mapping of plain values as YAML, each of a list of mappings on a line of its own."""
-    return "".join(map(_in_yaml, mapping.items()))
-
-
 def _in_yaml(entry: tuple[str, Any]) -> str:
+    """Return a key and its value, each of a list of mappings on a line of its own."""
     key, value = entry
     if isinstance(value, list) and value and isinstance(value[0], dict):
         return f"{key}:\n" + "".join(f"  - {_on_one_line(one)}\n" for one in value)

@@ -51,7 +51,7 @@ from orientd.driver import (
 )
 from orientd.errors import DeviceError, PlanError
 from orientd.floats import difference, exp, multiply, norm
-from orientd.mechanism import Mechanical
+from orientd.mechanism.mechanism import Mechanical
 
 _FORBIDDEN = ("numpy", "scipy", "asyncio", "grpc", "pydantic", "orientd.kernels")
 _PROTOCOLS = (

@@ -223,26 +223,6 @@ def hidden_circles(graph: Graph) -> Iterator[str]:
             yield f"a circle of modules, type-checking imports included: {found}"
 
 
-def lazy_fronts(graph: Graph) -> Iterator[str]:
-    """Yield fronts that load other names when asked than a type checker finds in them."""
-    for package in filter(is_room, graph):
-        tree = ast.parse(source(package).read_text(encoding="utf-8"))
-        calls = [one for one in ast.walk(tree) if isinstance(one, ast.Call)]
-        loaded = [one.args[1] for one in calls if ast.unparse(one.func) == "lazily"]
-        typed = {
-            (one.module, alias.name)
-            for block in tree.body
-            if isinstance(block, ast.If)
-            for one in block.body
-            if isinstance(one, ast.ImportFrom)
-            for alias in one.names
-        }
-        for homes in map(ast.literal_eval, loaded):
-            named = {(home, name) for home, names in homes.items() for name in names}
-            for home, name in sorted(named ^ typed):
-                yield f"{package} names {home}.{name} once: as an import and for lazily()"
-
-
 def chains(graph: Graph) -> Iterator[str]:
     """Yield the longest chain of imports inside each room in which it is too long."""
     for package in filter(is_room, graph):
@@ -319,7 +299,7 @@ def main() -> int:
         return 0
     sys.setrecursionlimit(10_000)
     graph = imports()
-    checks = (large, past_fronts, circles, lazy_fronts, chains, shared_threads)
+    checks = (large, past_fronts, circles, chains, shared_threads)
     problems = sorted(problem for check in checks for problem in check(graph))
     problems += [*hidden_circles(imports(type_checking=True)), *reaching_behind()]
     for problem in problems:

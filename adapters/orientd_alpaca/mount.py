@@ -7,11 +7,11 @@ import threading
 import time
 from collections.abc import Callable
 
-from orientd.client import MoveHandle
+from orientd.client.move_handle import MoveHandle
 from orientd.driver import Quaternion
 from orientd.errors import OrientdError, PlanError
 from orientd.floats import conjugate, difference, multiply, rotate
-from orientd.protocol import to_quaternion
+from orientd.protocol.values import to_quaternion
 from orientd_alpaca.device import AlpacaDevice, check_range
 from orientd_serving.pointing import Direction, direction, orientation
 from orientd_serving.served import Served, named

@@ -14,7 +14,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from orientd.client import MoveHandle, Robot
+from orientd.client.move_handle import MoveHandle
+from orientd.client.robot import Robot
 from orientd.errors import OrientdError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import Floats, Quaternion

@@ -12,9 +12,9 @@ import numpy as np
 
 from orientd.errors import DaemonError, OrientdError, RequestError
 from orientd.floats import conjugate, exp, multiply
-from orientd.protocol import to_quaternion
+from orientd.protocol.values import to_quaternion
 from orientd.rotation import Floats, Quaternion
-from orientd.stream import Cycle
+from orientd.stream.records import Cycle
 from orientd_serving.served import Served, named
 
 WATCH_HZ = 50.0

@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orientd import rotation
-from orientd.client import Playing, Robot, connect
+from orientd.client.playing import Playing
+from orientd.client.robot import Robot, connect
 from orientd.errors import OrientdError, RequestError, StateError
 from orientd.rotation import Quaternion
-from orientd.stream import CHUNK_POSES, Cycle
+from orientd.stream.records import CHUNK_POSES, Cycle
 
 Floats = NDArray[np.float64]
 

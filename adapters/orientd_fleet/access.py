@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from orientd import config
-from orientd.client import check_folder
+from orientd.client.trust import check_folder
 from orientd.errors import ConfigError, DaemonError
 from orientd_fleet.keys import ROOT, UNIX_ADDRESS, key_of
 from orientd_fleet.settings import TLS, UNIX, FleetSettings, MemberSettings

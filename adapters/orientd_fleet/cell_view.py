@@ -10,7 +10,7 @@ from typing import Any
 
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_quaternion
+from orientd.protocol.values import to_quaternion
 from orientd.viewer.server import PageServer
 from orientd.viewer.words import FAULTS, Line, current
 from orientd_fleet.overview import Member, Overview

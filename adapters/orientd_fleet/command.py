@@ -27,7 +27,7 @@ from orientd.cli.output import Output, is_terminal, table
 from orientd.cli.parameters import Argument, Group, Option, part_of
 from orientd.errors import DaemonError, OrientdError
 from orientd.one_line import shown
-from orientd.protocol import STALE
+from orientd.protocol.reports import STALE
 
 if TYPE_CHECKING:
     from orientd_fleet import Fleet, Together
@@ -102,9 +102,9 @@ def serve(
     configuration.  Prints one line beginning "ready" once the cell is joined.  The daemon may start
     later.  The log goes to standard error.  SIGHUP applies new roles and certificates.
     """
-    from orientd.client import found_socket
-    from orientd.daemon import LogFormat, set_up_log
-    from orientd.servo import set_scheduling
+    from orientd.client.channel import found_socket
+    from orientd.daemon.log import LogFormat, set_up_log
+    from orientd.servo.realtime import set_scheduling
     from orientd_fleet.gateway import serve as serve_cell
     from orientd_fleet.settings import read_settings
 
@@ -221,7 +221,7 @@ def stop(
     ] = False,
 ) -> None:
     """Stop every device of the cell with one message, which each daemon acknowledges."""
-    from orientd.servo import set_scheduling
+    from orientd.servo.realtime import set_scheduling
 
     set_scheduling(STOP_PRIORITY)
     with at.connect() as client:
@@ -272,7 +272,7 @@ def tell_together(together: Together, out: Output) -> None:
     Raises:
         OrientdError: one of them did not end as requested.
     """
-    from orientd.protocol import ending as how
+    from orientd.protocol.reports import ending as how
 
     ended = [
         {"daemon": one.motion.daemon, "device": one.motion.device, "plan": one.plan,

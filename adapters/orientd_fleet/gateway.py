@@ -24,7 +24,8 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from orientd.client import ask_to_stop, connect
+from orientd.client.robot import connect
+from orientd.client.stop_call import ask_to_stop
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd_fleet.access import address_of, member_configuration, open_session

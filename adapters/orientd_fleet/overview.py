@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from orientd.protocol import STALE
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.reports import STALE
 from orientd_fleet.keys import daemon_of
 
 if TYPE_CHECKING:

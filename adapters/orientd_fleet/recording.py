@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from orientd.client import Offset
+from orientd.client.daemon_clock import Offset
 from orientd.errors import OrientdError
-from orientd.recorder import DaemonRecorder, LiveRecording, RecordingError
+from orientd.recorder.session import DaemonRecorder, LiveRecording
+from orientd.recorder.writer import RecordingError
 
 if TYPE_CHECKING:
-    from orientd.recorder import RecordingWriter
+    from orientd.recorder.writer import RecordingWriter
     from orientd_fleet.client import Fleet
 
 _POLL = 0.1

@@ -30,10 +30,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orientd import motion_file
-from orientd.client import MoveHandle, Offset, Robot, StartAt
+from orientd.client import MoveHandle, Robot
+from orientd.client.connection import StartAt
+from orientd.client.daemon_clock import Offset
 from orientd.errors import DaemonError, LateError, OrientdError, RequestError
-from orientd.protocol import GOOD_OUTCOMES
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.reports import GOOD_OUTCOMES
 from orientd.structured_text import read_structured
 
 if TYPE_CHECKING:

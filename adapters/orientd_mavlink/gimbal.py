@@ -11,7 +11,7 @@ from typing import Any
 from orientd.driver import IDENTITY
 from orientd.errors import DaemonError, OrientdError
 from orientd.floats import difference, norm
-from orientd.protocol import to_quaternion, to_vector
+from orientd.protocol.values import to_quaternion, to_vector
 from orientd_mavlink.ranges import Ranges
 from orientd_mavlink.setpoint import RETRACT, STEP, Setpoint, Wish
 from orientd_serving.served import Denials, Served, named

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 import orientd
 from orientd.floats import multiply
-from orientd.protocol import to_quaternion, to_vector
+from orientd.protocol.values import to_quaternion, to_vector
 from orientd_mavlink.gimbal import Gimbal
 from orientd_mavlink.setpoint import (
     ACCEPTS_YAW_IN_EARTH_FRAME,

@@ -25,8 +25,8 @@ from orientd.one_line import counted
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from orientd.curves import Fit
-    from orientd.planner import MotionRequest
+    from orientd.curves.fitting import Fit
+    from orientd.model.request import MotionRequest
     from orientd.protocol import control_pb2 as pb
     from orientd_replay import Orientations
 
@@ -77,7 +77,7 @@ def replay(
     """
     need_extra("record")
     from orientd.cli.following import conclude, follow
-    from orientd.curves import fit_orientations
+    from orientd.curves.fitting import fit_orientations
     from orientd_replay import read_orientations
 
     if not 0.0 < error < 180.0:
@@ -103,7 +103,7 @@ def replay(
         "from the filtered samples",
     )
     if dry_run:
-        from orientd.daemon import plan_of
+        from orientd.daemon.planners.reporting import plan_of
 
         planner = device_settings(config, to.device).planner()
         motion, slower = _planned(fit, pace, planner.plan_offline, output)
@@ -145,7 +145,7 @@ def _planned(
         OrientdError: it cannot be planned, or the file cannot be written.
     """
     from orientd import motion_file
-    from orientd.planner import plan_as_recorded, replay_request
+    from orientd.planner.task import plan_as_recorded, replay_request
     from orientd.structured_text import write_structured
 
     if pace == "recorded":

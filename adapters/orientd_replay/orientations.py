@@ -30,7 +30,7 @@ from orientd.recorder.reader import (
 )
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 from orientd_replay import bags
 from orientd_replay.kinds import EXPECTED, describe_kind
 from orientd_replay.samples import NO_TIME, Samples, check_order, usable

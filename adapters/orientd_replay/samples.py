@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves import describe_bursts
+from orientd.curves.fitting import describe_bursts
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.tolerances import NORM_TOLERANCE

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from orientd.client import MoveHandle
+from orientd.client.move_handle import MoveHandle
 from orientd.errors import DeadlineError, OrientdError
 from orientd.rotation import Floats
 from orientd_rotctld.ranges import Ranges

@@ -7,11 +7,11 @@ import time
 
 import numpy as np
 
-from orientd.client import MoveHandle
+from orientd.client.move_handle import MoveHandle
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import Floats, Quaternion, slerp
-from orientd.stream import CHUNK_POSES
+from orientd.stream.records import CHUNK_POSES
 from orientd_rotctld.passes import Passes
 from orientd_rotctld.prediction import Prediction
 from orientd_rotctld.ranges import SLACK, Ranges

@@ -8,7 +8,7 @@ import numpy as np
 
 from orientd.client.motion_request import motion_request
 from orientd.errors import RequestError
-from orientd.model import MotionRequest
+from orientd.model.request import MotionRequest
 from orientd_serving.pointing import vectors
 
 if TYPE_CHECKING:

@@ -12,7 +12,10 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Protocol, Self, TypeVar, Unpack
 
-from orientd.client import MoveHandle, Playing, RequestFields, Robot
+from orientd.client.motion_request import RequestFields
+from orientd.client.move_handle import MoveHandle
+from orientd.client.playing import Playing
+from orientd.client.robot import Robot
 from orientd.driver import Quaternion as Components
 from orientd.errors import LeaseError, OrientdError, StateError, UnknownNameError
 from orientd.protocol import control_pb2 as pb

@@ -16,9 +16,10 @@ from pydantic import BaseModel
 from generators import words
 from orientd.config import DeviceSettings, Settings
 from orientd.config.presets import PRESETS
-from orientd.daemon.calls import Telemetry
-from orientd.model import UNITS, attribute_lines, motion_schema
-from orientd.recorder import COLUMNS, FLAGS
+from orientd.daemon.calls.telemetry import Telemetry
+from orientd.model.limits import UNITS
+from orientd.model.schema import attribute_lines, motion_schema
+from orientd.recorder.columns import COLUMNS, FLAGS
 
 _VALUE = re.compile(r"@([a-z_.]+):([A-Z_]+)(?::(\d))?@")
 

@@ -12,8 +12,9 @@ import numpy as np
 from orientd import rotation
 from orientd.driver import ZERO
 from orientd.rotation import Floats
-from orientd.servo.tracking import Tracker, knots_of
-from orientd.stream import Sample, ServoLimits
+from orientd.servo.tracking.chunks import knots_of
+from orientd.servo.tracking.tracker import Tracker
+from orientd.stream.records import Sample, ServoLimits
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "policy_chunks"))
 from interpolated import Chunk, slerped, straight

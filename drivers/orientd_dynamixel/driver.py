@@ -28,7 +28,7 @@ from orientd.driver import (
     Setpoint,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
-from orientd.mechanism import Gimbal
+from orientd.mechanism.gimbal import Gimbal
 from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse

@@ -59,7 +59,7 @@ from orientd.driver import (
     switch,
     whole,
 )
-from orientd.mechanism import Gimbal
+from orientd.mechanism.gimbal import Gimbal
 from orientd_dynamixel.tables import BAUD_RATES, MODELS, ServoModel
 
 DEFAULT_ACCELERATION = 40.0

@@ -19,7 +19,7 @@ from math import inf, radians, tau
 
 from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
 from orientd.floats import conjugate, multiply, plus, rotate_back
-from orientd.mechanism import Mechanism, Reserve, Rows
+from orientd.mechanism.mechanism import Mechanism, Reserve, Rows
 from orientd_ur.kinematics import BARE, Kinematics, Links, Six
 from orientd_ur.pose import Pose
 

@@ -35,7 +35,7 @@ from orientd.errors import (
     SpentLinkError,
 )
 from orientd.floats import difference, norm, rotate_back
-from orientd.mechanism import Mechanism
+from orientd.mechanism.mechanism import Mechanism
 from orientd_ur import options as ur_options
 from orientd_ur.arm import JOINT_NAMES, Arm
 from orientd_ur.controller import (

@@ -8,7 +8,7 @@ from math import cos, pi, sin
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Joints, Vector3
-from orientd.mechanism import Rows
+from orientd.mechanism.mechanism import Rows
 from orientd_ur.pose import Pose
 
 Six = tuple[float, float, float, float, float, float]

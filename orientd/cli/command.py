@@ -15,7 +15,8 @@ from orientd.cli.parameters import Option
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
-    from orientd.client import Robot, Way
+    from orientd.client.channel import Way
+    from orientd.client.robot import Robot
     from orientd.config import DeviceSettings
 
 PATIENCE = 0.5
@@ -29,7 +30,7 @@ def devices(context: click.Context, parameter: click.Parameter, incomplete: str)
     """
     del parameter
     from orientd import config
-    from orientd.client import connect
+    from orientd.client.robot import connect
 
     given = context.params.get("config")
     names: list[str] = []
@@ -120,7 +121,7 @@ class Endpoint:
         Raises:
             click.UsageError: certificates are given, but no address.
         """
-        from orientd.client import Way
+        from orientd.client.channel import Way
 
         has_address = self.address or (self.socket is None and os.environ.get("ORIENTD_ADDRESS"))
         if (self.cert or self.key or self.ca) and not has_address:
@@ -135,7 +136,7 @@ class Endpoint:
         Args:
             command: the name that others see if they are refused because of it.
         """
-        from orientd.client import Robot
+        from orientd.client.robot import Robot
 
         return Robot(
             self.way(),

@@ -9,7 +9,8 @@ from orientd.cli.output import Output
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.client import EndlessTurn, MoveHandle
+    from orientd.client.endless_turn import EndlessTurn
+    from orientd.client.move_handle import MoveHandle
     from orientd.protocol import control_pb2 as pb
 
 CANCEL_TIMEOUT = 15.0
@@ -58,8 +59,8 @@ def conclude(
 
 def raise_unless_done(summary: pb.MoveSummary) -> None:
     """Raise the error of a command whose motion was not run to its end."""
-    from orientd.protocol import GOOD_OUTCOMES
-    from orientd.protocol import ending as how
+    from orientd.protocol.reports import GOOD_OUTCOMES
+    from orientd.protocol.reports import ending as how
 
     if summary.outcome not in GOOD_OUTCOMES:
         raise OrientdError(f"motion {summary.motion_number} {how(summary)}")

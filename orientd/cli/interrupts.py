@@ -14,30 +14,22 @@ _APART = 0.5
 """Signals within this time are one interrupt, s."""
 
 
-class _Interrupt:
-    """Raise ``KeyboardInterrupt``, only once for signals in quick succession.
-
-    A second one would interrupt the end of the command, such as the wait for a stop.
-    """
-
-    _last = -math.inf
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Interrupt the main thread, unless it was interrupted just now."""
-        del frame
-        now = time.monotonic()
-        if now - self._last > _APART:
-            self._last = now
-            raise KeyboardInterrupt(number)
-
-
 def interrupt_at(numbers: Sequence[int]) -> None:
     """Have the signals *numbers* interrupt the main thread, which calls this.
 
     The kernel gives a signal to any thread of the process.  Python handles it in the main thread
     only, and does not wake a main thread that waits in a system call: the signal would be lost.
     """
-    interrupt = _Interrupt()
+    last = -math.inf
+
+    def interrupt(number: int, _: FrameType | None) -> None:
+        nonlocal last
+        now = time.monotonic()
+        # A second one would interrupt the end of the command, such as the wait for a stop.
+        if now - last > _APART:
+            last = now
+            raise KeyboardInterrupt(number)
+
     for number in numbers:
         signal.signal(number, interrupt)
     if hasattr(signal, "pthread_kill"):

@@ -58,7 +58,7 @@ def plain(content: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
             for field in fields(content)
         }
     if hasattr(content, "DESCRIPTOR"):  # a message, of a library that many commands do without
-        from orientd.protocol import plain as plain_message
+        from orientd.protocol.reports import plain as plain_message
 
         return plain(plain_message(content))
     if isinstance(content, Enum):

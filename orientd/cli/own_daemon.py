@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 from orientd.errors import DaemonError, OrientdError
 
 if TYPE_CHECKING:
-    from orientd.client import Robot
-    from orientd.stream import Cycle
+    from orientd.client.robot import Robot
+    from orientd.stream.records import Cycle
 
 READY_TIMEOUT = 20.0
 END_TIMEOUT = 15.0

@@ -15,7 +15,7 @@ import functools
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -60,7 +60,6 @@ class Command(click.Command):
         super().format_options(ctx, formatter)
 
 
-@dataclass(frozen=True, init=False)
 class Option:
     """An option of a command.
 
@@ -69,12 +68,8 @@ class Option:
         settings: of :class:`click.Option`, and ``range``, the least and the largest number.
     """
 
-    names: tuple[str, ...]
-    settings: dict[str, Any]
-
     def __init__(self, *names: str, **settings: Any) -> None:  # noqa: ANN401 - Click's
-        object.__setattr__(self, "names", names)
-        object.__setattr__(self, "settings", settings)
+        self.names, self.settings = names, settings
 
 
 class Argument(Option):

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator
 
 from orientd.cli import texts
 from orientd.cli.output import LiveLine, Output, is_terminal
-from orientd.protocol import STALE, orientation, to_quaternion, to_vector
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.reports import STALE, orientation
+from orientd.protocol.values import to_quaternion, to_vector
 
 PLAIN_INTERVAL = 0.5
 """Interval between two plain lines, s."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from orientd.cli.output import plain
 from orientd.files import written
-from orientd.protocol import Samples
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.reports import Samples
 from orientd.rotation import Floats
 
 ENDINGS = (".csv", ".npz", ".json")

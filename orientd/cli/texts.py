@@ -6,10 +6,11 @@ import math
 import time
 
 from orientd.keep_out import KeepOut
+from orientd.model.limits import ANGULAR, AXES, Rate
 from orientd.one_line import counted
-from orientd.planner import ANGULAR, AXES, Rate
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import ending, last_ending, orientation, titled, to_quaternion, word
+from orientd.protocol.reports import ending, last_ending, orientation, titled, word
+from orientd.protocol.values import to_quaternion
 
 
 def milliseconds(seconds: float) -> str:
@@ -249,7 +250,7 @@ def device(of: pb.DeviceReport) -> list[str]:
         ]
     if of.keep_out:
         # Reading cones loads the model, which takes a tenth of a second.
-        from orientd.protocol import to_cones
+        from orientd.protocol.motion import to_cones
 
         lines += [f"  keep-out     {cone(one)}" for one in to_cones(of.keep_out)]
     if of.held_at:

@@ -14,13 +14,13 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orientd.client import ask_to_stop
+from orientd.client.stop_call import ask_to_stop
 from orientd.errors import OrientdError
 from orientd.first_stop import Answers
 
 if TYPE_CHECKING:
     from orientd.cli.output import Output
-    from orientd.client import Way
+    from orientd.client.channel import Way
     from orientd.protocol import control_pb2 as pb
 
 _TIMEOUT = 2.0
@@ -46,7 +46,7 @@ def run(asked: dict[str, str], answers: Answers | None) -> bool:
 
     # The servos have taken the stop: from here on nothing is in a hurry.
     from orientd.cli import output
-    from orientd.client import Way
+    from orientd.client.channel import Way
 
     try:
         tell_now(Way(path), device, output.Output(as_json=as_json))
@@ -69,7 +69,8 @@ def tell_now(way: Way, device: str, out: Output) -> None:
     Raises:
         OrientdError: the daemon does not answer in time.
     """
-    from orientd.client import Connection, after_stop
+    from orientd.client.connection import Connection
+    from orientd.client.robot import after_stop
 
     with contextlib.closing(Connection(way, timeout=_TIMEOUT)) as connection:
         reports = after_stop(connection, device)

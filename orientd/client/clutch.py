@@ -32,7 +32,8 @@ from orientd.floats import (
     rotate_back,
 )
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import pose_problem, to_quaternion, to_vector
+from orientd.protocol.targets import pose_problem
+from orientd.protocol.values import to_quaternion, to_vector
 from orientd.rotation import Quaternion
 
 if TYPE_CHECKING:

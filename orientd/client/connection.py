@@ -16,8 +16,9 @@ from orientd.client.channel import Way
 from orientd.client.daemon_clock import DaemonClock, Reading
 from orientd.client.stop_call import refusal
 from orientd.errors import AccessError, DaemonError, MessageSizeError, OrientdError
-from orientd.protocol import DETAILS_KEY, control_stub, from_status
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.status import DETAILS_KEY, from_status
+from orientd.protocol.stub import control_stub
 
 Answer = TypeVar("Answer")
 

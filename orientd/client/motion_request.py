@@ -7,7 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from orientd.errors import RequestError
-from orientd.model import MotionRequest, keyframe_mappings, read_request, to_plain
+from orientd.model.keyframes import keyframe_mappings
+from orientd.model.plain import to_plain
+from orientd.model.reading import read_request
+from orientd.model.request import MotionRequest
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -16,7 +19,7 @@ if TYPE_CHECKING:
 class RequestFields(TypedDict, total=False):
     """The arguments of a motion apart from its keyframes: the fields of a motion file.
 
-    :class:`~orientd.model.MotionRequest` describes them.  These two have a row for each keyframe.
+    :class:`.MotionRequest` describes them.  These two have a row for each keyframe.
 
     Attributes:
         times: when each keyframe is passed, s; without them as quickly as the limits permit.

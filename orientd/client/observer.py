@@ -11,9 +11,9 @@ import grpc
 
 from orientd.client.connection import Connection
 from orientd.errors import DaemonError
-from orientd.protocol import Outline, outline
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import CYCLE_RECORD, Cycle, unpack_cycle
+from orientd.protocol.reports import Outline, outline
+from orientd.stream.records import CYCLE_RECORD, Cycle, unpack_cycle
 
 
 @dataclass(frozen=True, slots=True)

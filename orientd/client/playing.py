@@ -17,11 +17,12 @@ from orientd.driver import IDENTITY, Vector3
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError, StateError
 from orientd.floats import difference, norm
-from orientd.model import to_plain
-from orientd.protocol import check_chunk_times, pose_problem, to_quaternion
+from orientd.model.plain import to_plain
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.targets import check_chunk_times, pose_problem
+from orientd.protocol.values import to_quaternion
 from orientd.rotation import Quaternion, is_rotation
-from orientd.stream import CHUNK_POSES
+from orientd.stream.records import CHUNK_POSES
 from orientd.tolerances import NORM_TOLERANCE
 
 if TYPE_CHECKING:

@@ -31,9 +31,9 @@ from orientd.client.target_messages import (
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.errors import RequestError, StaleBaseError, StateError
 from orientd.floats import conjugate, multiply, norm, normalize, plus, rotate_back
-from orientd.model import Frame as NamedFrame
+from orientd.model.request import Frame as NamedFrame
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import quaternion, to_quaternion, to_vector, vector
+from orientd.protocol.values import quaternion, to_quaternion, to_vector, vector
 from orientd.spelling import did_you_mean
 from orientd.tolerances import NORM_TOLERANCE
 
@@ -391,7 +391,7 @@ class Pointing(ABC):
         return self._frames[name]
 
     def _configured(self) -> dict[str, NamedFrame]:
-        from orientd.model import read_frames
+        from orientd.model.reading import read_frames
 
         stub = self._connection.stub
         answer = self._connection.ask(stub.GetConfiguration, pb.GetConfigurationRequest())

@@ -22,8 +22,8 @@ from orientd.client.connection import Connection, StartAt
 from orientd.client.leases import Leases
 from orientd.client.stop_call import ask_to_stop
 from orientd.errors import OrientdError, RequestError, StateError
-from orientd.protocol import CellReport
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.reports import CellReport
 
 if TYPE_CHECKING:
     from orientd.client.daemon_clock import Offset
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from orientd.client.playing import Playing
     from orientd.client.teaching import Teaching
     from orientd.client.tracking import Tracking
-    from orientd.planner import MotionRequest
-    from orientd.stream import Cycle
+    from orientd.model.request import MotionRequest
+    from orientd.stream.records import Cycle
 
 
 COMMAND_TIMEOUT = 65.0
@@ -43,15 +43,6 @@ COMMAND_TIMEOUT = 65.0
 
 _REPORT_TIMEOUT = 1.0
 """Timeout of the daemon's report after a stop, s."""
-
-
-def _stopped_message(met: Mapping[str, Any]) -> pb.DeviceReport:
-    """Return the little that is known of a stopped device if the daemon does not answer."""
-    return pb.DeviceReport(
-        name=met["name"],
-        state=f"STATE_{met['state']}",
-        motion_number=met["motion"],
-    )
 
 
 def after_stop(connection: Connection, device: str) -> list[pb.DeviceReport]:
@@ -90,7 +81,7 @@ def connect(
         beside: whether to command together with other programs of the same user; by default whether
             ``$ORIENTD_LEASE`` is set.  Each has its own lease, and ends only its own motions when
             it releases that.
-        lease: no longer used; use *beside*.
+        lease: no longer used; use ``beside``.
         timeout: s for the answer to a command.  Planning has no limit.
 
     Raises:
@@ -252,7 +243,12 @@ class Robot:
         try:
             return after_stop(connection, device)
         except OrientdError:
-            return [_stopped_message(one) for one in met]
+            # The little that the servos tell.
+            known = ((one["name"], f"STATE_{one['state']}", one["motion"]) for one in met)
+            return [
+                pb.DeviceReport(name=name, state=state, motion_number=number)
+                for name, state, number in known
+            ]
 
     def _stops_of(self, device: str) -> int:
         """Return how often this client has stopped a device; any device for an empty name."""
@@ -384,7 +380,7 @@ class Robot:
             PlanError: it cannot be planned, or would break a limit.
         """
         from orientd.client.motion_request import motion_request, plan_seconds
-        from orientd.protocol import from_request
+        from orientd.protocol.motion import from_request
 
         request = pb.PlanRequest(
             device=device,
@@ -456,7 +452,7 @@ class Robot:
         """
         from orientd.client.motion_request import motion_request, plan_seconds
         from orientd.client.move_handle import MoveHandle
-        from orientd.protocol import from_request
+        from orientd.protocol.motion import from_request
 
         stops = self._stops_of(device)
         for name, number, step in (
@@ -593,7 +589,7 @@ class Robot:
         limits: Mapping[str, float | Sequence[float]] | None,
         report_rate_hz: float,
     ) -> pb.TrackStart:
-        from orientd.protocol import limits_message
+        from orientd.protocol.limits import limits_message
 
         start = pb.TrackStart(device=device, report_rate_hz=report_rate_hz)
         if limits is not None:

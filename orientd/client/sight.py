@@ -6,10 +6,11 @@ frame of the device.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import atan2, hypot, radians
-from typing import Literal, Protocol
+from typing import Literal
 
 from orientd.client.prediction import moving, turning
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
@@ -46,7 +47,7 @@ _FASTEST = 100.0
 """Largest rate of the azimuth, rad/s: near the zenith it has no bound."""
 
 
-class Sight(Protocol):
+class Sight(ABC):
     """A target at any time.
 
     Attributes:
@@ -54,9 +55,10 @@ class Sight(Protocol):
         expires_ns: time from which it no longer counts; ``None`` for never.
     """
 
-    is_in_world: bool
-    expires_ns: int | None
+    is_in_world = True
+    expires_ns: int | None = None
 
+    @abstractmethod
     def at(self, time_ns: int, last: Quaternion) -> tuple[Quaternion, Vector3]:
         """Return the orientation at a time, and its angular velocity in its own frame, rad/s.
 
@@ -64,16 +66,14 @@ class Sight(Protocol):
         """
 
 
-class PointSight:
-    """A point that may move, with the least roll or a given one; see :class:`Sight`.
+class PointSight(Sight):
+    """A point that may move, with the least roll or a given one.
 
     Attributes:
         kind: see the constructor.
         roll: ``"least"``, or the angle about the line of sight, degrees.
         place: where to look from, m.
     """
-
-    expires_ns: int | None
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class PointSight:
             q_base: orientation of the frame of the points: in the world, or in the device's frame.
             q_flange_axis: turns the x axis to the pointing axis, in coordinates of the flange.
         """
-        self.kind, self.is_in_world, self.expires_ns = kind, not kind[0], None
+        self.kind, self.is_in_world = kind, not kind[0]
         self.roll: Roll = "least"
         self.place = ZERO
         self._predictor = moving(distance)
@@ -120,14 +120,11 @@ class PointSight:
         return normalize(multiply(self._q_base, q)), rotate_back(q, omega)
 
 
-class TurnSight:
-    """An orientation that may turn; see :class:`Sight`."""
-
-    expires_ns: int | None
+class TurnSight(Sight):
+    """An orientation that may turn."""
 
     def __init__(self) -> None:
         """Create it without a sample."""
-        self.is_in_world, self.expires_ns = True, None
         self._predictor = turning()
 
     def take(self, q: Quaternion, omega_body: Vector3 | None, time_ns: int) -> bool:
@@ -139,10 +136,8 @@ class TurnSight:
         return self._predictor.at(time_ns)
 
 
-class PlanSight:
-    """The orientations of a plan, at rest before and after it; see :class:`Sight`."""
-
-    expires_ns: int | None
+class PlanSight(Sight):
+    """The orientations of a plan, at rest before and after it."""
 
     def __init__(
         self, times: Sequence[float], orientations: Sequence[Quaternion], start_ns: int
@@ -154,7 +149,6 @@ class PlanSight:
             orientations: one for each.
             start_ns: time at which the path time is 0.
         """
-        self.is_in_world, self.expires_ns = True, None
         self._times_ns = [start_ns + round(t * 1e9) for t in times]
         self._orientations = orientations
 

@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Literal, get_args
 from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import RequestError
-from orientd.model import FORMS, joined, keyframe_mappings, read_keyframe
-from orientd.protocol import (
-    LONGEST_AGO,
-    LONGEST_AHEAD,
-    LONGEST_LIFE,
-    quaternion,
-    stamp_problem,
-    vector,
-)
+from orientd.model.keyframes import keyframe_mappings
+from orientd.model.orientation import FORMS
+from orientd.model.plain import joined
+from orientd.model.reading import read_keyframe
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.targets import LONGEST_AGO, LONGEST_AHEAD, LONGEST_LIFE, stamp_problem
+from orientd.protocol.values import quaternion, vector
 from orientd.rotation import Quaternion
 from orientd.spelling import did_you_mean
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 from orientd import motion_file
 from orientd.errors import FeedbackError, RequestError, StateError
-from orientd.planner import Keyframe, MotionRequest
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_quaternion, to_vector
-from orientd.stream import UNKNOWN
+from orientd.protocol.values import to_quaternion, to_vector
+from orientd.stream.records import UNKNOWN
 from orientd.structured_text import write_structured
 
 if TYPE_CHECKING:
     from typing import Self
 
     from orientd.client.robot import Robot
-    from orientd.planner import Quaternion, Vector3
+    from orientd.driver import Quaternion, Vector3
 
 OLDEST_FEEDBACK = 0.5
 """Largest age of feedback for a pose of a moving device, s."""

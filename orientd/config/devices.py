@@ -11,11 +11,14 @@ from pydantic_core import PydanticCustomError
 
 from orientd.config.table import Name, Positive, Table, checked
 from orientd.errors import RequestError
-from orientd.model import AngularRate, LinearRate, read_cones
+from orientd.model.cones import read_cones
+from orientd.model.fields import AngularRate, LinearRate
 
 if TYPE_CHECKING:
     from orientd.keep_out import KeepOut
-    from orientd.planner import DevicePlanner, Frame, Limits
+    from orientd.model.limits import Limits
+    from orientd.model.request import Frame
+    from orientd.planner.device_planner import DevicePlanner
 
 NANOSECONDS = 1_000_000_000
 MAX_RATE_HZ = 4000.0
@@ -77,7 +80,7 @@ class LimitSettings(Table):
         """Return the planner's limits: what is given here, preset or defaults for the rest."""
         # A file of settings can be read and checked without loading NumPy.
         from orientd.config.presets import PRESETS
-        from orientd.planner import DEFAULT_LIMITS
+        from orientd.model.limits import DEFAULT_LIMITS
 
         given = self.model_dump(exclude_none=True, exclude={"preset"})
         base = DEFAULT_LIMITS if self.preset is None else PRESETS[self.preset].limits
@@ -169,7 +172,8 @@ class DeviceSettings(Table):
         """
         if not self.frames:
             return {}
-        from orientd.model import named_frames, read_frames
+        from orientd.model.reading import read_frames
+        from orientd.model.request import named_frames
 
         return named_frames(read_frames(self.frames))
 
@@ -188,7 +192,7 @@ class DeviceSettings(Table):
             ConfigError: the driver is not installed, or refuses its options.
         """
         from orientd.driver import make_driver
-        from orientd.planner import DevicePlanner
+        from orientd.planner.device_planner import DevicePlanner
 
         return DevicePlanner(
             make_driver(self.name, self.driver, self.options, self.period_ns),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from orientd.planner import DEFAULT_LIMITS, Limits, Rate
+from orientd.model.limits import DEFAULT_LIMITS, Limits, Rate
 
 _NO_LOAD_SHARE = 0.8  # of a servo's no-load speed; under load it is slower
 _RPM = math.tau / 60.0

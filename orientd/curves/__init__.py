@@ -3,14 +3,15 @@
 ``METHODS`` maps the name of a family to its class.  The class takes the family's parameters as
 keyword arguments and makes a :class:`Curve`.  Importing this package imports neither SciPy nor any
 family: each family is imported on first use.
+
+Other packages import from ``axis_turn``, ``basis``, ``comparison``, ``contract``, ``fitting``,
+``hermite``, ``interpolating``, ``keyframes``, ``products``, ``roles``, ``trajectory`` and
+``warped``.
 """
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 from orientd.lazy import lazily
 
+TYPE_CHECKING = False  # of typing, without loading it
 if TYPE_CHECKING:
     from orientd.curves.axis_turn import AxisTurn
     from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
@@ -38,44 +39,4 @@ if TYPE_CHECKING:
     )
     from orientd.curves.trajectory import PIECE, Samples, TimeMap, Trajectory
 
-__getattr__ = lazily(
-    __name__,
-    {
-        "orientd.curves.axis_turn": ("AxisTurn",),
-        "orientd.curves.comparison": (
-            "MET",
-            "Candidate",
-            "Figures",
-            "compare",
-            "measure",
-            "ranked",
-        ),
-        "orientd.curves.basis": (
-            "CumulativeBasis",
-            "Indices",
-            "cumulative_basis",
-        ),
-        "orientd.curves.contract": ("METHODS", "Curve"),
-        "orientd.curves.fitting": ("Fit", "describe_bursts", "fit_orientations"),
-        "orientd.curves.hermite": ("KksHermite",),
-        "orientd.curves.interpolating": ("C2Cumulative", "KksInterpolating"),
-        "orientd.curves.keyframes": (
-            "ParameterError",
-            "check_keys",
-            "is_same",
-            "resolve_knots",
-            "resolve_times",
-        ),
-        "orientd.curves.products": ("KksBspline",),
-        "orientd.curves.roles": (
-            "CurveTask",
-            "UnevenError",
-            "is_pair",
-            "make_curve",
-            "options_of",
-            "parameters",
-            "turns_name",
-        ),
-        "orientd.curves.trajectory": ("PIECE", "Samples", "TimeMap", "Trajectory"),
-    },
-)
+__getattr__ = lazily(__name__)

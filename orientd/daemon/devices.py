@@ -13,17 +13,15 @@ from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future, wait
 from typing import TYPE_CHECKING
 
-from orientd.client import check_answered
+from orientd.client.stop_call import check_answered
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import Settings
 from orientd.daemon.device import Device, DeviceEvent
 from orientd.daemon.leases import EXPIRED, Lease, Leases
-from orientd.daemon.observe import EventLog, FlightRecorder, Journal
-from orientd.daemon.planners import (
-    PlannedMotion,
-    Planners,
-    default_processes,
-)
+from orientd.daemon.observe.flight_recorder import FlightRecorder
+from orientd.daemon.observe.journal import EventLog, Journal
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.daemon.planners.pool import Planners, default_processes
 from orientd.daemon.workers import Threads
 from orientd.errors import (
     GOING_DOWN,

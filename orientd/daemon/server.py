@@ -18,18 +18,14 @@ from grpclib.health.check import ServiceStatus
 
 import orientd
 from orientd import processor
-from orientd.client import target
+from orientd.client.channel import target
 from orientd.config import Settings
-from orientd.daemon.access import (
-    AuditLog,
-    Authorization,
-    Listener,
-    RolePolicy,
-    Tables,
-    audit_path,
-    claimed,
-)
-from orientd.daemon.calls import Service
+from orientd.daemon.access.audit import AuditLog, audit_path
+from orientd.daemon.access.authorization import Authorization
+from orientd.daemon.access.claim import claimed
+from orientd.daemon.access.identity import RolePolicy
+from orientd.daemon.access.listener import Listener, Tables
+from orientd.daemon.calls.service import Service
 from orientd.daemon.devices import Devices
 from orientd.daemon.standard import standard_methods
 from orientd.daemon.stops import StopFolder
@@ -39,7 +35,7 @@ from orientd.errors import DaemonError, OrientdError
 from orientd.protocol import control_pb2
 
 if TYPE_CHECKING:
-    from orientd.daemon.calls import Telemetry
+    from orientd.daemon.calls.telemetry import Telemetry
     from orientd.daemon.device import Device, DeviceEvent
 
 
@@ -286,7 +282,7 @@ class _Daemon:
         """
         if settings.metrics is None:
             return None
-        from orientd.daemon.calls import Telemetry
+        from orientd.daemon.calls.telemetry import Telemetry
 
         return Telemetry(settings.metrics, self._devices.by_name)
 

@@ -16,10 +16,10 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from orientd.daemon.access import Process, RolePolicy
+from orientd.daemon.access.identity import Process, RolePolicy
 from orientd.errors import DaemonError
 from orientd.first_stop import KINDS, stop_folder
-from orientd.stream import Stop
+from orientd.stream.records import Stop
 
 _log = logging.getLogger(__name__)
 

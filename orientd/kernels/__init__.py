@@ -9,31 +9,4 @@ from orientd.processor import library
 
 __path__.insert(0, str(library().parent))
 
-from orientd.kernels.native import (  # noqa: E402
-    LEVEL,
-    between,
-    certify,
-    choose_knots,
-    connect,
-    fill_basis,
-    first_strain,
-    fit_trajectory,
-    follow_arm,
-    foresee_stop,
-    interpolate,
-    least_rate,
-    leave,
-    linearise_effort,
-    place_arm,
-    product_trajectory,
-    reserve_arm,
-    retime_trajectory,
-    sample_trajectory,
-    solve_arm,
-    solve_banded,
-    time_even,
-    time_map,
-    time_quickest,
-    try_joins,
-    turn_sizes,
-)
+from orientd.kernels.native import *  # noqa: E402, F403 - the list is in native.pyi

@@ -7,12 +7,11 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, NotRequired
 
-from pydantic import BeforeValidator, ConfigDict, TypeAdapter, ValidationError, WrapValidator
-from typing_extensions import TypedDict
+from pydantic import BeforeValidator, TypeAdapter, ValidationError, WrapValidator
 
 from orientd.errors import RequestError
 from orientd.keep_out import MOST_CONES, KeepOut
-from orientd.model.fields import AzimuthElevation, Number, Text, Vector3
+from orientd.model.fields import AzimuthElevation, Number, StrictTable, Text, Vector3
 from orientd.model.orientation import read
 from orientd.model.plain import shown, to_plain
 from orientd.model.refusal import refused
@@ -29,7 +28,7 @@ _FORMS = "direction", "azimuth_elevation", "sun"
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
-class Place(TypedDict):
+class Place(StrictTable):
     """The location of the device on the earth.
 
     Attributes:
@@ -39,14 +38,12 @@ class Place(TypedDict):
             north.
     """
 
-    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # pydantic's way
-
     latitude: Number
     longitude: Number
     north: NotRequired[Number]
 
 
-class Cone(TypedDict):
+class Cone(StrictTable):
     """A cone around a direction that an axis of the tool stays outside of.
 
     Give exactly one of *direction*, *azimuth_elevation* and *sun*, in the device's base frame.
@@ -61,8 +58,6 @@ class Cone(TypedDict):
             default.
         axis: tool axis that stays outside: ``x`` (the default), ``y``, ``z`` or a vector.
     """
-
-    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
 
     name: Text
     direction: NotRequired[Vector3]

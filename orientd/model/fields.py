@@ -38,10 +38,14 @@ Flag = Annotated[bool, Strict()]
 Whole = Annotated[int, Strict(), BeforeValidator(to_plain)]
 
 
-class Components(TypedDict):
-    """A unit quaternion, Hamilton's product, tool to world."""
+class StrictTable(TypedDict):
+    """A table that refuses unknown keys."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # pydantic's way
+
+
+class Components(StrictTable):
+    """A unit quaternion, Hamilton's product, tool to world."""
 
     w: Number
     x: Number
@@ -49,7 +53,7 @@ class Components(TypedDict):
     z: Number
 
 
-class EulerAngles(TypedDict):
+class EulerAngles(StrictTable):
     """Successive turns about coordinate axes.
 
     Attributes:
@@ -57,13 +61,11 @@ class EulerAngles(TypedDict):
         degrees: one angle for each letter, degrees.
     """
 
-    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
-
     axes: Text
     degrees: list[Number]
 
 
-class AzimuthElevation(TypedDict):
+class AzimuthElevation(StrictTable):
     """A pointing direction as angles; the roll is free.
 
     Attributes:
@@ -71,8 +73,6 @@ class AzimuthElevation(TypedDict):
         elevation: above the plane of x and y, degrees, from -180 to 180; beyond 90 it points
             backwards.
     """
-
-    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
 
     azimuth: Number
     elevation: Number
@@ -134,7 +134,7 @@ AngularRate = Annotated[
 LinearRate = Annotated[Any, _read_by(linear_rate), WithJsonSchema({"anyOf": [_POSITIVE, _NOTHING]})]
 
 
-class Rates(TypedDict, total=False):
+class Rates(StrictTable, total=False):
     """Limits of a motion; a missing one is the device's own.
 
     Attributes:
@@ -144,8 +144,6 @@ class Rates(TypedDict, total=False):
         linear_velocity: velocity of the position, m/s.
         linear_acceleration: acceleration of the position, m/s^2.
     """
-
-    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
 
     velocity: AngularRate
     acceleration: AngularRate
@@ -188,15 +186,13 @@ else:
     ]
 
 
-class PointFromPlace(TypedDict):
+class PointFromPlace(StrictTable):
     """A point to look at, and the position to look from; the roll is free.
 
     Attributes:
         point: point to look at, m.
         place: position to look from, m; by default the origin.
     """
-
-    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
 
     point: Vector3
     place: NotRequired[Vector3]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, NotRequired, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import ValidationError
 
@@ -125,6 +125,8 @@ def _names(of: Any) -> dict[str, str]:  # noqa: ANN401 - a table
 
 def _table(of: Any) -> Any:  # noqa: ANN401 - any type
     """Return the table, list or mapping type inside an annotated type."""
-    while hasattr(of, "__metadata__") or type(None) in get_args(of):
+    while (
+        hasattr(of, "__metadata__") or get_origin(of) is NotRequired or type(None) in get_args(of)
+    ):
         of = next(one for one in get_args(of) if one is not type(None))
     return of

@@ -17,12 +17,14 @@ from enum import Enum
 
 import numpy as np
 
-from orientd.curves import Trajectory
+from orientd.curves.trajectory import Trajectory
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.model import Limits, MotionRequest
+from orientd.model.limits import Limits
+from orientd.model.request import MotionRequest
 from orientd.planner import refusal
-from orientd.planner.certify import before, measure
-from orientd.planner.connect import join, sample_joins, try_joins
+from orientd.planner.certify.measuring import measure
+from orientd.planner.certify.summary import before
+from orientd.planner.connect.connector import join, sample_joins, try_joins
 from orientd.planner.facts import HISTORY
 from orientd.planner.job import certified
 from orientd.planner.motion import Motion
@@ -30,7 +32,9 @@ from orientd.planner.path import Path, PositionPath, quintic, quintics
 from orientd.planner.planning import plan, timed
 from orientd.planner.recorded import RecordedMotion
 from orientd.planner.state import State
-from orientd.planner.timing import Indices, KeyframePath, QuickPath, quickest
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.knots import Indices
+from orientd.planner.timing.profiles import QuickPath, quickest
 from orientd.rotation import Floats, align, angle
 from orientd.tolerances import GUARD_TOLERANCE
 

@@ -13,8 +13,11 @@ import numpy as np
 from orientd.driver import Driver, Feedback, Locatable, switch, tune
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError
 from orientd.keep_out import KeepOut
-from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed, windings
-from orientd.model import Frame, Limits, MotionRequest
+from orientd.mechanism.gimbal import Gimbal
+from orientd.mechanism.mechanism import Mechanical, Mechanism
+from orientd.mechanism.turning import pointed, windings
+from orientd.model.limits import Limits
+from orientd.model.request import Frame, MotionRequest
 from orientd.planner.blending import NOT_BLENDED, blend
 from orientd.planner.facts import HISTORY
 from orientd.planner.fitting import Fitting
@@ -25,7 +28,7 @@ from orientd.planner.recorded import RecordedMotion
 from orientd.planner.resolve import at_rate, in_device_coordinates, report_frame
 from orientd.planner.state import State
 from orientd.rotation import rotate
-from orientd.stream import tuning_text
+from orientd.stream.memory import tuning_text
 
 
 class DevicePlanner:

@@ -8,8 +8,8 @@ from struct import Struct
 from typing import Any
 
 from orientd.driver import Joints, Vector3
-from orientd.model import Limits
-from orientd.stream import PATH_FLOATS
+from orientd.model.limits import Limits
+from orientd.stream.records import PATH_FLOATS
 
 HISTORY = 3
 """Setpoints that a third difference reaches back to."""

@@ -18,31 +18,20 @@ import numpy as np
 
 from orientd.driver import AxisLimits, Joints
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
-from orientd.mechanism import (
-    Clearance,
-    Gimbal,
-    JointPath,
-    Mechanism,
-    ToolLimits,
-    joints_along,
-    orientations,
-    pace,
-    pointing_error,
-    route,
-    route_at_times,
-    together,
-)
-from orientd.model import Limits, MotionRequest
+from orientd.mechanism import Gimbal, Mechanism
+from orientd.mechanism.arrays import orientations
+from orientd.mechanism.gimbal_route import pointing_error
+from orientd.mechanism.joint_path import JointPath, ToolLimits
+from orientd.mechanism.keep_out_slews import Clearance
+from orientd.mechanism.pacing import pace
+from orientd.mechanism.routing import joints_along, route, route_at_times
+from orientd.mechanism.turning import together
+from orientd.model.limits import Limits
+from orientd.model.request import MotionRequest
 from orientd.planner import refusal
-from orientd.planner.certify import (
-    PARTS,
-    STATE,
-    before,
-    joint_brake,
-    measure,
-    summed_up,
-    tool_brake,
-)
+from orientd.planner.certify.joints import PARTS, joint_brake, tool_brake
+from orientd.planner.certify.measuring import STATE, measure
+from orientd.planner.certify.summary import before, summed_up
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.planner.planning import plan

@@ -9,27 +9,25 @@ from functools import partial
 
 import numpy as np
 
-from orientd.curves import METHODS, Trajectory
+from orientd.curves.contract import METHODS
+from orientd.curves.trajectory import Trajectory
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.model import LONGEST, Limits, MotionRequest, is_still
+from orientd.model.limits import LONGEST, Limits, is_still
+from orientd.model.request import MotionRequest
 from orientd.planner import refusal
-from orientd.planner.certify import before, measure, summed_up
-from orientd.planner.connect import (
-    CONNECTIONS,
-    USUAL,
-    Connection,
-    LeadIn,
-    join_in,
-    lead_in,
-    lead_out,
-    position_lead,
-)
+from orientd.planner.certify.measuring import measure
+from orientd.planner.certify.summary import before, summed_up
+from orientd.planner.connect.connector import join_in
+from orientd.planner.connect.leads import CONNECTIONS, USUAL, Connection, LeadIn, lead_in, lead_out
+from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, end_states, position_path
 from orientd.planner.resolve import half_turn_notes
 from orientd.planner.state import State
-from orientd.planner.timing import KeyframePath, Knots, aimed_at, chord_knots, chosen_knots
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.knots import Knots, chord_knots, chosen_knots
+from orientd.planner.timing.profiles import aimed_at
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 

@@ -12,19 +12,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves import (
-    METHODS,
-    Curve,
-    CurveTask,
-    ParameterError,
-    UnevenError,
-    is_pair,
-    make_curve,
-    options_of,
-    turns_name,
-)
+from orientd.curves.contract import METHODS, Curve
+from orientd.curves.keyframes import ParameterError
+from orientd.curves.roles import CurveTask, UnevenError, is_pair, make_curve, options_of, turns_name
 from orientd.errors import PlanError, RequestError
-from orientd.model import DEFAULT_METHOD, MotionRequest
+from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.rotation import Floats, angle
 from orientd.spelling import did_you_mean
 

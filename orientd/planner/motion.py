@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves import is_same
+from orientd.curves.keyframes import is_same
 from orientd.driver import Vector3
 from orientd.errors import OrientdError
 from orientd.keep_out import KeepOut
-from orientd.model import Limits, MotionRequest, written_cone
-from orientd.planner.certify import Certificate, before
+from orientd.model.cones import written_cone
+from orientd.model.limits import Limits
+from orientd.model.request import MotionRequest
+from orientd.planner.certify.certificate import Certificate
+from orientd.planner.certify.summary import before
 from orientd.planner.facts import HISTORY, MotionFacts
 from orientd.planner.path import Path, PathSamples, RecordedPath
 from orientd.planner.recorded import STATE_FLOATS, RecordedMotion, joints_of, ring_records

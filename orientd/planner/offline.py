@@ -23,7 +23,9 @@ from typing import Any, Literal, TypeVar, get_args
 from numpy.typing import ArrayLike
 
 from orientd.errors import OrientdError, RequestError
-from orientd.model import DEFAULT_LIMITS, Limits, MotionRequest, Rate, keyframe_mappings
+from orientd.model.keyframes import keyframe_mappings
+from orientd.model.limits import DEFAULT_LIMITS, Limits, Rate
+from orientd.model.request import MotionRequest
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.resolve import in_device_coordinates

@@ -15,10 +15,11 @@ from functools import cache, partial
 import numpy as np
 
 from orientd.errors import LimitError, PlanError, RequestError, StartError
-from orientd.model import ANGULAR, DEFAULT_METHOD, LONGEST, PERIODS, UNITS, Limits, MotionRequest
+from orientd.model.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
+from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
-from orientd.planner.certify import LONGEST_STOP, longest_stop_from, share_to_stop
-from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
+from orientd.planner.certify.brake import LONGEST_STOP, longest_stop_from, share_to_stop
+from orientd.planner.connect.leads import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
@@ -26,18 +27,11 @@ from orientd.planner.path import PositionPath, end_states
 from orientd.planner.remarks import excess, remarked
 from orientd.planner.resolve import resolved
 from orientd.planner.state import State
-from orientd.planner.timing import (
-    LEAST_SHARE,
-    SHARE,
-    KeyframePath,
-    Knots,
-    QuickPath,
-    corners,
-    evenly_made,
-    evenly_paced,
-    lasting,
-    quickest,
-)
+from orientd.planner.timing.axis_turn import LEAST_SHARE, SHARE
+from orientd.planner.timing.even import evenly_made, evenly_paced
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.knots import Knots
+from orientd.planner.timing.profiles import QuickPath, corners, lasting, quickest
 from orientd.rotation import Floats, angle
 
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"

@@ -16,7 +16,7 @@ from orientd.kernels import between
 from orientd.planner.facts import HISTORY, MotionFacts
 from orientd.planner.state import State
 from orientd.rotation import Floats
-from orientd.stream import JOINTS, PATH_FLOATS
+from orientd.stream.records import JOINTS, PATH_FLOATS
 
 _POSE_FLOATS = PATH_FLOATS - 2 * JOINTS
 STATE_FLOATS = _POSE_FLOATS + 3

@@ -9,17 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
-from orientd.model import (
-    ANGULAR,
-    AXES,
-    DEFAULT_METHOD,
-    LONGEST,
-    UNITS,
-    Limits,
-    MotionRequest,
-    Pace,
-)
-from orientd.planner.certify import Peak, Peaks, longest_stop_from
+from orientd.model.limits import ANGULAR, AXES, LONGEST, UNITS, Limits
+from orientd.model.request import DEFAULT_METHOD, MotionRequest, Pace
+from orientd.planner.certify.brake import longest_stop_from
+from orientd.planner.certify.certificate import Peak
+from orientd.planner.certify.measuring import Peaks
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE

@@ -10,12 +10,14 @@ import math
 
 import numpy as np
 
-from orientd.curves import METHODS, is_pair
-from orientd.model import UNITS
-from orientd.planner.certify import LONGEST_STOP, Peak
+from orientd.curves.contract import METHODS
+from orientd.curves.roles import is_pair
+from orientd.model.limits import UNITS
+from orientd.planner.certify.brake import LONGEST_STOP
+from orientd.planner.certify.certificate import Peak
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path
-from orientd.planner.timing import turn_lengths
+from orientd.planner.timing.knots import turn_lengths
 from orientd.rotation import Floats, angle
 
 SLOW = (

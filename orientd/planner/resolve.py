@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from orientd.curves import METHODS
+from orientd.curves.contract import METHODS
 from orientd.driver import Vector3
 from orientd.errors import RequestError, StartError
-from orientd.model import Frame, Keyframe, Limits, MotionRequest, Pose
+from orientd.model.limits import Limits
+from orientd.model.request import Frame, Keyframe, MotionRequest, Pose
 from orientd.planner.methods import can_turn
 from orientd.planner.refusal import check_duration, check_velocity
 from orientd.planner.state import State

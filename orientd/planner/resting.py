@@ -16,27 +16,22 @@ from typing import cast
 
 import numpy as np
 
-from orientd.curves import Trajectory
+from orientd.curves.trajectory import Trajectory
 from orientd.errors import PlanError
-from orientd.model import DEFAULT_METHOD, LONGEST, Keyframe, Limits, MotionRequest
+from orientd.model.limits import LONGEST, Limits
+from orientd.model.request import DEFAULT_METHOD, Keyframe, MotionRequest
 from orientd.planner import refusal
-from orientd.planner.connect import (
-    USUAL,
-    Connection,
-    LeadIn,
-    approach,
-    connector_lasting,
-    hold,
-    lead_out,
-    turn_to_stop,
-)
+from orientd.planner.connect.connector import connector_lasting, hold, turn_to_stop
+from orientd.planner.connect.leads import USUAL, Connection, LeadIn, approach, lead_out
 from orientd.planner.job import PlanJob
 from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
 from orientd.planner.remarks import SWING, excess
 from orientd.planner.state import State
-from orientd.planner.timing import SAME, SHARE, KeyframePath
+from orientd.planner.timing.axis_turn import SHARE
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.knots import SAME
 from orientd.rotation import Floats, angle, log
 from orientd.rotation import between as turn_between
 

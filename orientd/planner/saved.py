@@ -20,9 +20,11 @@ import numpy as np
 
 from orientd.errors import OrientdError
 from orientd.files import check_regular
-from orientd.mechanism import Figure, Loss
-from orientd.model import Keyframe, Limits, MotionRequest, read_cones
-from orientd.planner.certify import Certificate, Peak
+from orientd.mechanism.figure import Figure, Loss
+from orientd.model.cones import read_cones
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.facts import HISTORY
 from orientd.planner.motion import Motion
 from orientd.planner.path import RecordedPath

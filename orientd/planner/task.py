@@ -8,10 +8,12 @@ from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 
-from orientd.curves import CurveTask, Fit
+from orientd.curves.fitting import Fit
+from orientd.curves.roles import CurveTask
 from orientd.errors import PlanError, RequestError
-from orientd.model import DEFAULT_LIMITS, Keyframe, MotionRequest, Pace
-from orientd.planner.timing import SAME, Indices, Knots, chord_knots, turn_lengths
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest, Pace
+from orientd.planner.timing.knots import SAME, Indices, Knots, chord_knots, turn_lengths
 from orientd.rotation import angle
 
 Times = Literal["file", "uniform", "chord"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from orientd.plots.charts import Traces
 from orientd.plots.motion import Picture, draw, draw_sent, draw_traces, picture
 from orientd.plots.paper import check_format, is_available
-from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
+from orientd.plots.parts import draw_part
 from orientd.plots.punctuality import Timing
 from orientd.plots.recording import draw_orientations, draw_recording
 from orientd.plots.sampling import traces_of

@@ -36,7 +36,8 @@ def places(anchors: Floats, sizes: Floats, obstacles: Floats, *, gap: float) -> 
                 step = np.array([np.cos(direction), np.sin(direction)])
                 candidate = anchor + step * (gap * reach + 0.5 * size)
                 cost = 0.4 * reach - 0.1 * float(step @ _unit(anchor))
-                cost += _covered(candidate, size, obstacles)
+                is_covered = np.all(np.abs(obstacles - candidate) < 0.5 * size, axis=-1)
+                cost += np.count_nonzero(is_covered)
                 if any(
                     np.all(np.abs(candidate - other) < 0.5 * (size + extent))
                     for other, extent in placed
@@ -87,7 +88,3 @@ def enumeration(numbers: Sequence[int]) -> str:
 def _unit(vector: Floats) -> Floats:
     length = float(np.hypot(*vector))
     return vector / length if length > 0.0 else vector
-
-
-def _covered(centre: Floats, size: Floats, points: Floats) -> int:
-    return int(np.count_nonzero(np.all(np.abs(points - centre) < 0.5 * size, axis=-1)))

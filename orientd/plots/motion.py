@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import Curve, CurveTask, check_keys, resolve_times
+from orientd.curves.contract import Curve
+from orientd.curves.keyframes import check_keys, resolve_times
+from orientd.curves.roles import CurveTask
 from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
 from orientd.plots.cones import draw_cones
 from orientd.plots.paper import INK, QUIET, check_format, new_figure, save
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orientd.planner import Motion
+    from orientd.planner.motion import Motion
 
 Charts = dict[str, "Axes"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +14,13 @@ from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
 from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Part = Literal["triads", "rates", "body"]
+_SIZES = {"triads": (7.0, 7.2), "rates": (9.0, 6.0), "body": (9.0, 6.0)}
+"""Width and height of each picture, inches."""
+
 BODIES = 40
 """Poses at which the body is drawn light, evenly spaced in time."""
 
@@ -20,65 +28,53 @@ BODY_SHARE = 0.09
 """Half of the width of the body, as a share of the extent of its path."""
 
 
-def draw_triads_alone(path: Path, traces: Traces, *, title: str) -> None:
-    """Draw the triad traces of a curve to *path*, seen from where the most of them is in front.
-
-    Raises:
-        OrientdError: the file cannot be written, or its ending names no format of a picture.
-    """
-    check_format(path)
-    figure = new_figure(7.0, 7.2, title)
-    style = turned_to_show(traces.q, TriadStyle(number=9.0))
-    draw_triads(figure.subplots(), traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
-    save(figure, path)
-
-
-def draw_rates_alone(path: Path, traces: Traces, *, title: str) -> None:
-    """Draw angular velocity and acceleration of a curve to *path*.
-
-    Raises:
-        OrientdError: the file cannot be written, or its ending names no format of a picture.
-    """
-    check_format(path)
-    figure = new_figure(9.0, 6.0, title)
-    upper, lower = figure.subplots(2, 1)
-    draw_velocity(upper, traces)
-    draw_acceleration(lower, traces)
-    lower.set_xlabel("time, s", fontsize=9)
-    save(figure, path)
-
-
-def draw_bodies_alone(path: Path, traces: Traces, positions: Floats, *, title: str) -> None:
-    """Draw a plate along a rigid motion to *path*, dark at the keyframes.
+def draw_part(
+    path: Path, traces: Traces, part: Part, *, title: str, positions: Floats | None = None
+) -> None:
+    """Draw one aspect of a curve to *path*.
 
     Args:
         path: its ending names the format.
-        traces: the orientations.
-        positions: m, at the same instants, shape ``(n, 3)``, not all the same.
+        traces: the curve.
+        part: the triad traces, seen from where the most of them is in front; angular velocity and
+            acceleration; or a plate that moves along the curve, dark at the keyframes.
         title: stands above.
+        positions: of the plate, m, at the instants of the traces, shape ``(n, 3)``, not all the
+            same; only for the body.
 
     Raises:
         OrientdError: the file cannot be written, or its ending names no format of a picture.
+        ValueError: a body has no positions.
     """
     check_format(path)
+    figure = new_figure(*_SIZES[part], title)
+    if part == "triads":
+        style = turned_to_show(traces.q, TriadStyle(number=9.0))
+        axes = figure.subplots()
+        draw_triads(axes, traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
+    elif part == "rates":
+        upper, lower = figure.subplots(2, 1)
+        draw_velocity(upper, traces)
+        draw_acceleration(lower, traces)
+        lower.set_xlabel("time, s", fontsize=9)
+    elif positions is None:
+        raise ValueError("expected the positions of the body, got none")
+    else:
+        _draw_body(figure.subplots(), traces, positions)
+    save(figure, path)
+
+
+def _draw_body(axes: Axes, traces: Traces, positions: Floats) -> None:
     size = BODY_SHARE * float(np.max(np.ptp(positions, axis=0)))
     faces = [size * face for face in plate()]
     evenly = np.linspace(traces.times[0], traces.times[-1], BODIES + 1)[:-1]
     evenly += 0.5 * (evenly[1] - evenly[0])
     between, met = (
-        np.clip(np.searchsorted(traces.times, instants), 0, len(traces.times) - 1)
+        SweptPoses(positions[at], traces.q[at])
         for instants in (evenly, traces.keyframe_times)
+        for at in [np.clip(np.searchsorted(traces.times, instants), 0, len(traces.times) - 1)]
     )
-    figure = new_figure(9.0, 6.0, title)
-    draw_bodies(
-        figure.subplots(),
-        faces,
-        SweptPoses(positions[between], traces.q[between]),
-        SweptPoses(positions[met], traces.q[met]),
-        _across(positions),
-        positions,
-    )
-    save(figure, path)
+    draw_bodies(axes, faces, between, met, _across(positions), positions)
 
 
 def _across(positions: Floats) -> Viewpoint:

@@ -14,7 +14,7 @@ from orientd.errors import OrientdError
 from orientd.plots.charts import MOST_POINTS
 from orientd.plots.paper import AXES, INK, LIMIT, QUIET, check_format, new_figure, save, tidy
 from orientd.rotation import Floats
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

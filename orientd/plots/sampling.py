@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import MET, Curve, CurveTask
-from orientd.planner import Limits
+from orientd.curves.comparison import MET
+from orientd.curves.contract import Curve
+from orientd.curves.roles import CurveTask
+from orientd.model.limits import Limits
 from orientd.plots.charts import MOST_POINTS, Traces
 from orientd.rotation import angle
 
 if TYPE_CHECKING:
-    from orientd.planner import Motion
+    from orientd.planner.motion import Motion
 
 INSTANTS = 2000
 

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import Candidate, CurveTask, Figures
-from orientd.planner import Limits
+from orientd.curves.comparison import Candidate, Figures
+from orientd.curves.roles import CurveTask
+from orientd.model.limits import Limits
 from orientd.plots.charts import Traces, interrupted
 from orientd.plots.paper import AXES, GRID, INK, LIMIT, PAPER, QUIET, check_format, new_figure, save
 from orientd.plots.sampling import traces_of
-from orientd.plots.triads import SMALL, TriadStyle, draw_triads, turned_to_show
+from orientd.plots.triads import SMALL, draw_triads, turned_to_show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Boxes = Callable[[float, float, float], tuple[float, float, float, float]]
+"""Returns the box of a chart of a family by the inches of its bottom, width and height."""
 
 CELL_WIDTH, CELL_HEIGHT = 2.45, 3.85
 HEAD, FOOT, LINE = 1.0, 0.55, 0.17
@@ -81,10 +86,12 @@ def draw_sheet(
             0.45 + column * CELL_WIDTH,
             height - HEAD - (row + 1) * CELL_HEIGHT,
         )
-        cell = _Cell(figure, corner, (width, height), is_first=column == 0)
-        cell.headline(place + 1, candidate, figures)
-        cell.triads(traces, style)
-        cell.strips(traces, drawn[0][2], tops)
+        box = partial(_box, corner, (width, height))
+        _write_headline(figure, box, candidate.name, place + 1, figures)
+        side = CELL_WIDTH - 0.3
+        axes = figure.add_axes(box(CELL_HEIGHT - 0.42 - side, side, side))
+        draw_triads(axes, traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
+        _draw_strips(figure, box, traces, drawn[0][2], tops, is_first=column == 0)
     for number, line in enumerate(footer):
         figure.text(
             0.15 / width,
@@ -138,86 +145,75 @@ def _footer(candidates: Sequence[Candidate], *, columns: int) -> list[str]:
     return lines
 
 
-class _Cell:
-    """The place of one family on the sheet; measures in inches from its lower left corner."""
+def _box(
+    corner: tuple[float, float],
+    sheet: tuple[float, float],
+    bottom: float,
+    width: float,
+    height: float,
+) -> tuple[float, float, float, float]:
+    """Return the box of a chart, which is *bottom* inches above the corner of its family."""
+    across, up = sheet
+    x, y = corner
+    return x / across, (y + bottom) / up, width / across, height / up
 
-    def __init__(
-        self,
-        figure: Figure,
-        corner: tuple[float, float],
-        sheet: tuple[float, float],
-        *,
-        is_first: bool,
-    ) -> None:
-        self._figure = figure
-        self._corner = corner
-        self._sheet = sheet
-        self._is_first = is_first
 
-    def _box(self, bottom: float, width: float, height: float) -> tuple[float, ...]:
-        across, up = self._sheet
-        x, y = self._corner
-        return x / across, (y + bottom) / up, width / across, height / up
+def _write_headline(figure: Figure, box: Boxes, name: str, place: int, figures: Figures) -> None:
+    """Write place, name and figures of a family above it."""
+    x, y, _, _ = box(CELL_HEIGHT - 0.2, 0.0, 0.0)
+    title = figure.text(x, y, f"{place}  {name}", fontsize=9.5, fontweight="bold", color=INK)
+    title.set_gid(f"family-{name}")
+    infinite = "*" if figures.has_velocity_jumps else ""
+    missed = "" if figures.interpolates else f", off {np.degrees(figures.keyframe_error):.0f}°"
+    x, y, _, _ = box(CELL_HEIGHT - 0.37, 0.0, 0.0)
+    text = f"C{figures.continuity}{missed}, effort {figures.effort:.4g}{infinite}"
+    figure.text(x, y, text, fontsize=8, color=QUIET)
 
-    def headline(self, place: int, candidate: Candidate, figures: Figures) -> None:
-        """Write place, name and figures above."""
-        x, y, _, _ = self._box(CELL_HEIGHT - 0.2, 0.0, 0.0)
-        self._figure.text(
-            x, y, f"{place}  {candidate.name}", fontsize=9.5, fontweight="bold", color=INK
-        ).set_gid(f"family-{candidate.name}")
-        infinite = "*" if figures.has_velocity_jumps else ""
-        missed = "" if figures.interpolates else f", off {np.degrees(figures.keyframe_error):.0f}°"
-        x, y, _, _ = self._box(CELL_HEIGHT - 0.37, 0.0, 0.0)
-        self._figure.text(
-            x,
-            y,
-            f"C{figures.continuity}{missed}, effort {figures.effort:.4g}{infinite}",
-            fontsize=8,
-            color=QUIET,
-        )
 
-    def triads(self, traces: Traces, style: TriadStyle) -> None:
-        """Draw the sphere."""
-        side = CELL_WIDTH - 0.3
-        axes = self._figure.add_axes(self._box(CELL_HEIGHT - 0.42 - side, side, side))  # type: ignore[arg-type]
-        draw_triads(axes, traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
-
-    def strips(self, traces: Traces, reference: Traces, tops: tuple[float, float]) -> None:
-        """Draw the lengths of velocity and acceleration."""
-        for bottom, name, limit, top, unit in (
-            (0.74, "omega_body", traces.velocity_limit, tops[0], "rad/s"),
-            (0.24, "alpha_body", traces.acceleration_limit, tops[1], "rad/s²"),
-        ):
-            axes = self._figure.add_axes(self._box(bottom, CELL_WIDTH - 0.35, 0.42))  # type: ignore[arg-type]
-            behind = np.linalg.norm(getattr(reference, name), axis=-1)
-            axes.fill_between(reference.times, behind, color=REFERENCE, linewidth=0.0)
-            times, vectors = interrupted(traces.times, getattr(traces, name), traces.breaks)
-            lengths = np.linalg.norm(vectors, axis=-1)
-            axes.plot(times, lengths, color=INK, linewidth=0.9)
-            if limit <= top:
-                axes.axhline(limit, color=LIMIT, linewidth=0.9, linestyle=(0.0, (1.5, 1.5)))
-            peak = float(np.nanmax(lengths))
-            if peak > top:
-                axes.annotate(
-                    f"up to {peak:.3g}",
-                    (0.99, 0.97),
-                    xycoords="axes fraction",
-                    ha="right",
-                    va="top",
-                    fontsize=6.5,
-                    color=INK,
-                    bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.8},
-                )
-            axes.set_xlim(float(traces.times[0]), float(traces.times[-1]))
-            axes.set_ylim(0.0, top)
-            for time in traces.keyframe_times if len(traces.keyframe_times) <= 60 else ():
-                axes.axvline(float(time), color=GRID, linewidth=0.5, zorder=0.5)
-            axes.spines[["top", "right"]].set_visible(False)
-            axes.tick_params(labelsize=6.5, colors=INK, length=2.0, pad=1.5)
-            axes.locator_params(axis="y", nbins=2)
-            if bottom > 0.5:
-                axes.set_xticklabels([])
-            if self._is_first:
-                axes.set_ylabel(unit, fontsize=7, color=INK, labelpad=2.0)
-            else:
-                axes.set_yticklabels([])
+def _draw_strips(
+    figure: Figure,
+    box: Boxes,
+    traces: Traces,
+    reference: Traces,
+    tops: tuple[float, float],
+    *,
+    is_first: bool,
+) -> None:
+    """Draw the lengths of velocity and acceleration."""
+    for bottom, name, limit, top, unit in (
+        (0.74, "omega_body", traces.velocity_limit, tops[0], "rad/s"),
+        (0.24, "alpha_body", traces.acceleration_limit, tops[1], "rad/s²"),
+    ):
+        axes = figure.add_axes(box(bottom, CELL_WIDTH - 0.35, 0.42))
+        behind = np.linalg.norm(getattr(reference, name), axis=-1)
+        axes.fill_between(reference.times, behind, color=REFERENCE, linewidth=0.0)
+        times, vectors = interrupted(traces.times, getattr(traces, name), traces.breaks)
+        lengths = np.linalg.norm(vectors, axis=-1)
+        axes.plot(times, lengths, color=INK, linewidth=0.9)
+        if limit <= top:
+            axes.axhline(limit, color=LIMIT, linewidth=0.9, linestyle=(0.0, (1.5, 1.5)))
+        peak = float(np.nanmax(lengths))
+        if peak > top:
+            axes.annotate(
+                f"up to {peak:.3g}",
+                (0.99, 0.97),
+                xycoords="axes fraction",
+                ha="right",
+                va="top",
+                fontsize=6.5,
+                color=INK,
+                bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.8},
+            )
+        axes.set_xlim(float(traces.times[0]), float(traces.times[-1]))
+        axes.set_ylim(0.0, top)
+        for time in traces.keyframe_times if len(traces.keyframe_times) <= 60 else ():
+            axes.axvline(float(time), color=GRID, linewidth=0.5, zorder=0.5)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=6.5, colors=INK, length=2.0, pad=1.5)
+        axes.locator_params(axis="y", nbins=2)
+        if bottom > 0.5:
+            axes.set_xticklabels([])
+        if is_first:
+            axes.set_ylabel(unit, fontsize=7, color=INK, labelpad=2.0)
+        else:
+            axes.set_yticklabels([])

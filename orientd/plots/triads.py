@@ -59,7 +59,6 @@ def draw_triads(
     keyframe_q: Floats,
     *,
     style: TriadStyle = TriadStyle(),
-    ideal: Floats | None = None,
     is_met: bool = True,
 ) -> None:
     """Draw the traces of the three axes with their keyframes on a chart of its own.
@@ -69,46 +68,17 @@ def draw_triads(
         q: orientations along the curve, body to world, shape ``(n, 4)``, close together.
         keyframe_q: the keyframes, shape ``(k, 4)``.
         style: how large and how detailed.
-        ideal: orientations of another curve to compare with, drawn dotted, shape ``(m, 4)``.
         is_met: whether the curve passes its keyframes; if not, the marks are hollow.
     """
-    _sphere(axes, style)
+    draw_sphere(axes, style)
     turned = [style.view.project(rotate(thinned(q, style.step), tip)) for tip in np.eye(3)]
-    if ideal is not None:
-        for axis, tip in zip(AXES, np.eye(3), strict=True):
-            _dotted(axes, style.view.project(rotate(thinned(ideal, style.step), tip)), axis, style)
     for axis, trace in zip(AXES, turned, strict=True):
-        _trace(axes, trace, axis, style)
+        draw_trace(axes, trace, axis, style)
     marks = [style.view.project(rotate(keyframe_q, tip)) for tip in np.eye(3)]
     for axis, mark in zip(AXES, marks, strict=True):
-        _marks(axes, mark, axis, style, is_met=is_met)
+        draw_marks(axes, mark, axis, style, is_met=is_met)
     if style.number > 0.0:
         _numbers(axes, np.stack(marks), np.concatenate(turned)[:, :2], style)
-
-
-def draw_tip_paths(
-    axes: Axes,
-    paths: Sequence[tuple[Floats, AxisStyle]],
-    tip: Floats,
-    *,
-    style: TriadStyle = TriadStyle(),
-) -> None:
-    """Draw what one tip of a body traces under several motions, each in a style of its own.
-
-    Args:
-        axes: an empty chart.
-        paths: orientations, shape ``(n, 4)``, with the style of each, whose name is its label.
-        tip: in the body's frame, shape ``(3,)``.
-        style: how large and how detailed.
-    """
-    _sphere(axes, style)
-    for q, look in paths:
-        points = style.view.project(rotate(thinned(q, style.step), tip))
-        _trace(axes, points, look, style, look.stroke)
-        _marks(axes, points[[0, -1]], look, style, is_met=True)
-        axes.plot(
-            [], [], color=look.colour, linewidth=style.line, linestyle=look.stroke, label=look.name
-        )
 
 
 def thinned(q: Floats, step: float) -> Floats:
@@ -120,7 +90,7 @@ def thinned(q: Floats, step: float) -> Floats:
     return chosen
 
 
-def _sphere(axes: Axes, style: TriadStyle) -> None:
+def draw_sphere(axes: Axes, style: TriadStyle) -> None:
     """Draw the sphere's outline, and its parallels and meridians in front, on all of a chart."""
     axes.set_xlim(-style.reach, style.reach)
     axes.set_ylim(-style.reach, style.reach)
@@ -139,10 +109,10 @@ def _sphere(axes: Axes, style: TriadStyle) -> None:
         circles.append(np.outer(ring[:, 0], across) + np.outer(ring[:, 1], [0.0, 0.0, 1.0]))
     for circle in circles:
         seen = style.view.project(circle)
-        axes.plot(*_only(seen, seen[:, 2] >= 0.0).T, color=GRID, linewidth=0.5, zorder=0.6)
+        axes.plot(*part_of(seen, seen[:, 2] >= 0.0).T, color=GRID, linewidth=0.5, zorder=0.6)
 
 
-def _only(points: Floats, is_kept: NDArray[np.bool_]) -> Floats:
+def part_of(points: Floats, is_kept: NDArray[np.bool_]) -> Floats:
     """Return *points* on the sheet, interrupted where they are not kept."""
     # One more at each end of a run, so that halves meet.
     wide = is_kept.copy()
@@ -151,14 +121,15 @@ def _only(points: Floats, is_kept: NDArray[np.bool_]) -> Floats:
     return shown
 
 
-def _trace(
+def draw_trace(
     axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle, stroke: Stroke = "-"
 ) -> None:
+    """Draw the path of a tip, from :meth:`.Viewpoint.project`, paler and thinner where hidden."""
     is_front = points[:, 2] >= 0.0
     behind = axes.plot(
-        *_only(points, ~is_front).T, color=axis.subdued, linewidth=0.55 * style.line, zorder=1.0
+        *part_of(points, ~is_front).T, color=axis.subdued, linewidth=0.55 * style.line, zorder=1.0
     )
-    front = _only(points, is_front)
+    front = part_of(points, is_front)
     # A rim of paper parts lines that cross.
     axes.plot(*front.T, color=PAPER, linewidth=style.line + 1.4, zorder=2.0)
     before = axes.plot(
@@ -173,20 +144,10 @@ def _trace(
     before[0].set_gid(f"trace-{axis.name}")
 
 
-def _dotted(axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle) -> None:
-    is_front = points[:, 2] >= 0.0
-    for is_shown, colour, order in ((~is_front, axis.subdued, 0.9), (is_front, axis.colour, 2.5)):
-        lines = axes.plot(
-            *_only(points, is_shown).T,
-            color=colour,
-            linewidth=0.65 * style.line,
-            linestyle=(0.0, (1.0, 1.8)),
-            zorder=order,
-        )
-        lines[0].set_gid(f"ideal-{axis.name}")
-
-
-def _marks(axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle, *, is_met: bool) -> None:
+def draw_marks(
+    axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle, *, is_met: bool
+) -> None:
+    """Draw keyframes of a tip, from :meth:`.Viewpoint.project`, hollow unless they are met."""
     for is_shown, colour, order in (
         (points[:, 2] < 0.0, axis.subdued, 1.5),
         (points[:, 2] >= 0.0, axis.colour, 3.0),

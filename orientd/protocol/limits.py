@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from orientd.errors import RequestError
-from orientd.planner import ANGULAR, NO_AXES, Limits, Rate
+from orientd.model.limits import ANGULAR, NO_AXES, Limits, Rate
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.values import RATES, to_vector, vector
 

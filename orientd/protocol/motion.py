@@ -16,15 +16,10 @@ from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
 from orientd.keep_out import KeepOut
-from orientd.model import (
-    Frame,
-    Limits,
-    MotionRequest,
-    Pose,
-    read_cones,
-    read_request,
-    written_cone,
-)
+from orientd.model.cones import read_cones, written_cone
+from orientd.model.limits import Limits
+from orientd.model.reading import read_request
+from orientd.model.request import MotionRequest, Pose
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.limits import asked_rates, limits_message
 from orientd.protocol.values import RATES, quaternion, vector
@@ -186,17 +181,19 @@ def _fields(request: MotionRequest) -> Iterator[tuple[str, Any]]:
         elif name == "keep_out":
             yield name, list(map(cone_message, value))
         elif name == "frames":
-            yield name, {key: _frame_message(frame) for key, frame in value.items()}
+            yield (
+                name,
+                {
+                    key: pb.NamedFrame(base=_pose_message(one.base), tool=_pose_message(one.tool))
+                    for key, one in value.items()
+                },
+            )
         elif isinstance(value, Mapping):
             struct = Struct()
             struct.update(value)
             yield name, struct
         else:
             yield name, value
-
-
-def _frame_message(frame: Frame) -> pb.NamedFrame:
-    return pb.NamedFrame(base=_pose_message(frame.base), tool=_pose_message(frame.tool))
 
 
 def cone_message(cone: KeepOut) -> pb.KeepOut:

@@ -12,7 +12,7 @@ from orientd.errors import RequestError
 from orientd.floats import rotate_back
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.values import to_quaternion, to_vector
-from orientd.stream import CHUNK_POSES, Sample
+from orientd.stream.records import CHUNK_POSES, Sample
 from orientd.tolerances import NORM_TOLERANCE
 
 TIME_TO_LIVE = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from orientd.planner import UNITS
+from orientd.model.limits import UNITS
 from orientd.protocol import control_pb2 as pb
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from orientd import rotation
 from orientd.errors import Fault
-from orientd.stream import JOINTS, CycleFlag, ServoState
+from orientd.stream.records import JOINTS, CycleFlag, ServoState
 
 SCHEMA_NAME = "orientd/msg/Cycle"
 QUATERNION, VECTOR, AXES = "geometry_msgs/Quaternion", "geometry_msgs/Vector3", f"float64[{JOINTS}]"

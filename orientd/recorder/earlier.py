@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.recorder.columns import CYCLES, Table, numbers, without_numbers
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 
 SCHEMA_NAME = "orientd.v1.CycleBlock"
 

@@ -20,7 +20,8 @@ import numpy as np
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.columns import CYCLES, Table, from_records
 from orientd.recorder.writer import RecordingError, RecordingWriter
-from orientd.stream import CYCLE_RECORD, RecordRing
+from orientd.stream.records import CYCLE_RECORD
+from orientd.stream.ring import RecordRing
 
 PREFIX = "flight-"
 _NICENESS = 10

@@ -11,9 +11,9 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import titled
+from orientd.protocol.reports import titled
 from orientd.recorder.columns import Table
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 
 _LEVELS = {
     pb.EVENT_KIND_FAULT: Log.ERROR,

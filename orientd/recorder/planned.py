@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orientd import rotation
-from orientd.planner import states_between
+from orientd.planner.recorded import states_between
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.columns import Table
 from orientd.recorder.reader import Recording

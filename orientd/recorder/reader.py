@@ -17,7 +17,7 @@ from orientd.recorder import earlier
 from orientd.recorder.columns import SCHEMA_NAME, Layout, Table
 from orientd.recorder.mcap_file import Damages, records
 from orientd.recorder.writer import RecordingError
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 _EVENT = pb.Event.DESCRIPTOR.full_name
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
-from orientd.client import Configuration, Robot
+from orientd.client.observer import Configuration
+from orientd.client.robot import Robot
 from orientd.errors import DaemonError, UnknownNameError
 from orientd.recorder.columns import from_records
 from orientd.recorder.writer import RecordingWriter

@@ -13,7 +13,7 @@ from orientd.files import written
 from orientd.recorder.columns import AXES, COLUMNS, QUATERNION, VECTOR, named
 from orientd.recorder.planned import planned_orientations
 from orientd.recorder.reader import Recording
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 
 _COMPONENTS = {QUATERNION: "wxyz", VECTOR: ("_x", "_y", "_z"), AXES: [f"_{k}" for k in range(1, 9)]}
 _UNITS = {"": "", "rad/s": "_rad_s", "rad/s^2": "_rad_s2", "m": "_m", "rad": "_rad"}

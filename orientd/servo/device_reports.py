@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 
 from orientd.driver import Arriving, AxisGap, Driver, Healthy
-from orientd.stream import (
+from orientd.stream.memory import (
     LONGEST_READ_WORD,
     LONGEST_WRITE_WORD,
-    NoteKind,
     SharedMemory,
-    pack_note,
     publish_health,
 )
+from orientd.stream.records import NoteKind, pack_note
 
 _INTERVAL_NS = 1_000_000_000
 

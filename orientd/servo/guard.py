@@ -15,7 +15,7 @@ from math import sqrt
 from orientd.driver import ZERO, AxisLimits, Joints, Quaternion, Vector3
 from orientd.floats import combine, difference, norm, plus
 from orientd.servo.keep_out_cones import KeepOutCones, Room
-from orientd.stream import ServoLimits
+from orientd.stream.records import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
 
 _ROUNDING = 4e-15

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import norm, plus
-from orientd.stream import ServoLimits
+from orientd.stream.records import ServoLimits
 
 PRECISION = 1e-3
 """Size of the final approach, rad, where the law is linear; larger for a slow device."""

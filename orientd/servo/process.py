@@ -27,7 +27,8 @@ from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, s
 from orientd.servo.servo import Servo, fault_of
 from orientd.servo.stop_socket import StopSocket
 from orientd.servo.watchdog import SHORTEST_NS, WatchdogTimeouts
-from orientd.stream import NoteKind, SharedMemory, pack_note
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import NoteKind, pack_note
 from orientd.sun import Sun
 
 LARGEST_SHIFT = 400

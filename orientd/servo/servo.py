@@ -35,21 +35,19 @@ from orientd.errors import (
     SpentLinkError,
     StateError,
 )
-from orientd.mechanism import Mechanical
+from orientd.mechanism.mechanism import Mechanical
 from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.path import PathPart, PathPoint
+from orientd.servo.path.path_follower import PathPart
+from orientd.servo.path.segment import PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
 from orientd.servo.state_table import advance
 from orientd.servo.stop_socket import StopSocket
 from orientd.servo.watchdog import ServoWatchdog, WatchdogTimeouts
-from orientd.stream import (
+from orientd.stream.memory import GIVEN_UP_WORD, LONGEST_READ_WORD, LONGEST_WRITE_WORD, SharedMemory
+from orientd.stream.records import (
     CYCLE_RECORD,
-    GIVEN_UP_WORD,
-    HEAD,
     JOINTS,
-    LONGEST_READ_WORD,
-    LONGEST_WRITE_WORD,
     NO_JOINTS,
     NO_Q,
     Answer,
@@ -58,9 +56,9 @@ from orientd.stream import (
     NoteKind,
     ServoLimits,
     ServoState,
-    SharedMemory,
     pack_note,
 )
+from orientd.stream.ring import HEAD
 
 # Attribute access on an enumeration takes longer than a comparison.
 _DRIVEN = (ServoState.STREAMING, ServoState.TRACKING)

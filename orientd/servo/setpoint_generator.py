@@ -13,24 +13,28 @@ from math import dist
 from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled, Vector3
 from orientd.errors import DeviceFaultError, Fault, NotYetError
 from orientd.floats import combine, difference, norm
-from orientd.mechanism import Following, Foresight, Mechanism
+from orientd.mechanism.following import Following
+from orientd.mechanism.foresight import Foresight
+from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import NO_LIMITS, linear_limits_of, loosened
-from orientd.servo.path import (
+from orientd.servo.path.path_follower import (
     KeepOutAhead,
     PathFollower,
     PathPart,
-    PathPoint,
-    QuickStop,
     StarvedError,
-    TimeScaling,
     joint_gap,
 )
+from orientd.servo.path.quick_stop import QuickStop
+from orientd.servo.path.segment import PathPoint
+from orientd.servo.path.time_scaling import TimeScaling
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking import JointStop, TargetFollower
+from orientd.servo.tracking.joint_stop import JointStop
+from orientd.servo.tracking.target_follower import TargetFollower
 from orientd.servo.watchdog import longest_gap_ns
-from orientd.stream import UNKNOWN, Command, ServoLimits, ServoState, SharedMemory
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import UNKNOWN, Command, ServoLimits, ServoState
 
 # Attribute access on an enumeration takes longer than a comparison.
 _STREAMING, _STOPPING, _TRACKING = ServoState.STREAMING, ServoState.STOPPING, ServoState.TRACKING

@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import Enum
 
 from orientd.errors import StateError
-from orientd.stream import Command, ServoState
+from orientd.stream.records import Command, ServoState
 
 
 class Event(Enum):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from orientd.planner import AXES, Limits
+from orientd.model.limits import AXES, Limits
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import limits_from_message
+from orientd.protocol.limits import limits_from_message
 from orientd.viewer.strips import COLUMNS
 
 _SOLID: list[int] = []

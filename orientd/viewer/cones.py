@@ -8,7 +8,7 @@ from typing import Any
 
 from orientd.floats import combine, cross, norm
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_cones
+from orientd.protocol.motion import to_cones
 
 _POINTS = 48
 

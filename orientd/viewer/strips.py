@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from orientd.floats import difference, norm
-from orientd.stream import Cycle
+from orientd.stream.records import Cycle
 
 SPAN = 0.05
 """s; one value of every strip."""

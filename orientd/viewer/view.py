@@ -10,10 +10,11 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from orientd.client import Robot, ask_to_stop
+from orientd.client.robot import Robot
+from orientd.client.stop_call import ask_to_stop
 from orientd.errors import LeaseError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import samples
+from orientd.protocol.reports import samples
 from orientd.viewer import words
 from orientd.viewer.charts import charts_of
 from orientd.viewer.cones import edges

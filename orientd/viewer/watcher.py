@@ -13,11 +13,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from orientd.client import Observer, Robot
+from orientd.client.observer import Observer
+from orientd.client.robot import Robot
 from orientd.errors import DaemonError, OrientdError
-from orientd.protocol import STALE, CellReport, Outline, to_quaternion, to_vector
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import Cycle
+from orientd.protocol.reports import STALE, CellReport, Outline
+from orientd.protocol.values import to_quaternion, to_vector
+from orientd.stream.records import Cycle
 from orientd.viewer.strips import Strips
 
 BATCHES_HZ = 30.0

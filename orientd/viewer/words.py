@@ -13,7 +13,8 @@ import numpy as np
 
 from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import last_ending, orientation, titled, to_quaternion
+from orientd.protocol.reports import last_ending, orientation, titled
+from orientd.protocol.values import to_quaternion
 from orientd.rotation import to_euler
 
 Line = tuple[str, str, str]

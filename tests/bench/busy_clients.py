@@ -12,9 +12,9 @@ import threading
 from pathlib import Path
 from types import SimpleNamespace
 
-from orientd.client import Way
+from orientd.client.channel import Way
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 WATCHERS = 4
 KEYFRAMES = 200

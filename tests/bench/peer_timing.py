@@ -21,7 +21,7 @@ from orientd import rotation
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 PERIOD = 0.002
 V, A, J = 2.0, 10.0, 100.0  # rad/s, rad/s^2, rad/s^3: of the norms

@@ -23,7 +23,8 @@ import grpc
 from bare_loop import Slot, bare_loop, busy_cores, processes, run_bare_loop
 from busy_clients import STEP, motion
 
-from orientd.client import Connection, Way
+from orientd.client.channel import Way
+from orientd.client.connection import Connection
 from orientd.config import SPIN_US
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb

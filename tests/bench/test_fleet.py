@@ -12,7 +12,7 @@ import pytest
 from fleet_cell import RunningCell, gateway_of
 
 from orientd.motion_file import parse
-from orientd.servo import set_scheduling
+from orientd.servo.realtime import set_scheduling
 from orientd_fleet import FleetMotion, move_together
 from orientd_fleet.command import STOP_PRIORITY
 

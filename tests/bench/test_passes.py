@@ -6,7 +6,7 @@ from reference.pass_search import least_loss
 
 import orientd
 from orientd.clock import ManualClock
-from orientd.model import DEFAULT_LIMITS
+from orientd.model.limits import DEFAULT_LIMITS
 from orientd.planner import DevicePlanner, State
 from orientd.rotation import rotate
 from orientd_dynamixel import DynamixelDriver

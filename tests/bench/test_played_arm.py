@@ -18,7 +18,7 @@ import orientd
 from emulated_ur import EmulatedRobot
 from orientd import rotation
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 pytest.importorskip("rtde_control")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(300)]

@@ -11,7 +11,7 @@ from command_line import begin, environment
 from harness import DaemonProcess, resident_kib, until
 from recorded import OFFSET_NS, RATE_HZ, moving
 
-from orientd.recorder import RecordingWriter
+from orientd.recorder.writer import RecordingWriter
 
 pytestmark = pytest.mark.bench
 

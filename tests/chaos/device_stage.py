@@ -18,9 +18,9 @@ import orientd
 from orientd import motion_file
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import word
+from orientd.protocol.reports import word
 from orientd.servo.watchdog import SHORTEST_NS
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 
 
 class DeviceStage:

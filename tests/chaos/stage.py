@@ -27,7 +27,7 @@ from harness import (
 from ledger import Tally, rounds_of
 
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 LONGEST = 1.0
 """Longest permitted duration of a call, s."""

@@ -13,7 +13,7 @@ from stage import rehearse
 
 from orientd.client.channel import MAX_MESSAGE_BYTES
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -10,7 +10,7 @@ from ledger import Tally, rounds_of
 
 from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import word
+from orientd.protocol.reports import word
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

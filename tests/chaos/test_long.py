@@ -14,7 +14,7 @@ from rig import PERIOD, TERMS, Rig, peaks, turn
 from stage import Stage
 
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import Answer, Command, ServoState
+from orientd.stream.records import Answer, Command, ServoState
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(30_000)]
 

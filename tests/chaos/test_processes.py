@@ -16,7 +16,7 @@ from scenes import under_way
 from stage import rehearse
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording
+from orientd.recorder.reader import load_recording
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -15,7 +15,7 @@ from ledger import Tally, rounds_of
 from emulated_ur import EmulatedRobot
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import word
+from orientd.protocol.reports import word
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -13,10 +13,10 @@ from functools import partial
 from types import SimpleNamespace
 
 from orientd.config import Role
-from orientd.daemon.access import Caller, Identity
+from orientd.daemon.access.identity import Caller, Identity
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 PATIENCE = 75.0
 """Longest time for the answer to a command, s: a driver may take 60."""

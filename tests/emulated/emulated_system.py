@@ -35,7 +35,7 @@ from virtual_time import BEGIN_NS, Scheduler, VirtualLoop, virtual_time
 from orientd import config
 from orientd.clock import MonotonicClock
 from orientd.daemon import server
-from orientd.daemon.calls import Service
+from orientd.daemon.calls.service import Service
 from orientd.daemon.device import EventKind
 from orientd.daemon.device import device as device_module
 from orientd.daemon.device.servo_process import ServoProcess

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orientd.model import Limits
+from orientd.model.limits import Limits
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
 from orientd.rotation import Floats
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from reference.joins import Ends, arrival, increments, rates, rough_rates
 
-from orientd.model import ACCELERATION_RESERVE, Limits
+from orientd.model.limits import ACCELERATION_RESERVE, Limits
 from orientd.planner import State
-from orientd.planner.certify import limit_table
+from orientd.planner.certify.measuring import limit_table
 from orientd.rotation import Floats, between, exp, log, multiply
 
 VELOCITY_MARGIN = 0.9995

@@ -9,10 +9,10 @@ from reference.brake import least_brake_rate
 from reference.drawn import drawn
 
 from orientd import kernels
-from orientd.model import Limits
+from orientd.model.limits import Limits
 from orientd.planner import HISTORY
-from orientd.planner.certify import limit_table
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
+from orientd.planner.certify.measuring import limit_table
 from orientd.rotation import Floats, conjugate, log, multiply
 
 PHASES = (0.5 - 0.125**0.5, 0.5, 0.5 + 0.125**0.5)

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from orientd.model import Limits
+from orientd.model.limits import Limits
 from orientd.planner import HISTORY
-from orientd.planner.certify import OFF_GRID, Peaks, measure
+from orientd.planner.certify.measuring import OFF_GRID, Peaks, measure
 from orientd.planner.path import Path
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats

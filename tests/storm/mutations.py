@@ -16,9 +16,11 @@ import orientd
 from orientd import config, motion_file
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import RecordingWriter, load_recording, marks
 from orientd.recorder.mcap_file import Damages, records
+from orientd.recorder.planned import marks
+from orientd.recorder.reader import load_recording
 from orientd.recorder.tables import columns
+from orientd.recorder.writer import RecordingWriter
 from orientd_replay import read_orientations
 
 MOST_MIB = 300

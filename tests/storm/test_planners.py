@@ -13,7 +13,7 @@ from harness import nudge, spin, until
 from storm_rig import Rig, await_idle, memory_mib
 
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 DEVICE = "arm"
 PLAN_TIMEOUT = 2.0

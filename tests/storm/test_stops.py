@@ -25,9 +25,9 @@ from command_line import orientd as orientd_command
 from harness import DaemonProcess, free_port, resident_kib, spin, until
 
 import orientd
-from orientd.client import ask_to_stop
+from orientd.client.stop_call import ask_to_stop
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 pytestmark = [
     pytest.mark.storm,

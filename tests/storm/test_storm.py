@@ -24,7 +24,7 @@ import orientd as api
 from orientd.client import MoveHandle
 from orientd.errors import DaemonError, OrientdError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import word
+from orientd.protocol.reports import word
 from orientd.tolerances import GUARD_TOLERANCE
 
 pytestmark = pytest.mark.storm

@@ -26,9 +26,9 @@ from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 from orientd import connect, rotation
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 from orientd.servo.watchdog import SHORTEST_NS
-from orientd.stream import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
+from orientd.stream.records import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
 from orientd_loopback import read_recording
 
 DEVICE = "arm"

@@ -25,7 +25,7 @@ from orientd.config import Role
 from orientd.daemon.access.authorization import RULES
 from orientd.errors import AccessError, DaemonError, LeaseError, RequestError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 

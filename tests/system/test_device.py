@@ -14,7 +14,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device import Device, EventKind
 from orientd.errors import GOING_DOWN, DaemonError, Fault
 from orientd.planner import Keyframe, MotionRequest
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 
 @pytest.fixture

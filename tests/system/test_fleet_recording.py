@@ -14,7 +14,8 @@ from orientd import rotation
 from orientd.errors import DaemonError
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording, planned_orientations
+from orientd.recorder.planned import planned_orientations
+from orientd.recorder.reader import load_recording
 from orientd_fleet import FleetMotion, move_together
 from orientd_replay import read_orientations
 

@@ -12,7 +12,8 @@ import orientd
 from orientd import config, rotation
 from orientd.errors import ConfigError, RequestError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import samples, to_quaternion, to_vector
+from orientd.protocol import to_quaternion, to_vector
+from orientd.protocol.reports import samples
 
 CAMERA = """
 [devices.arm.frames.camera]

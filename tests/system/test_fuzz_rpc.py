@@ -13,7 +13,7 @@ from harness import DaemonProcess, is_alive, resident_kib, until
 from nonsense import pour
 
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 LONG = int(os.environ.get("ORIENTD_FUZZ_CALLS", "1000000"))
 PARTS = 10

@@ -10,7 +10,7 @@ from harness import free_port, until
 from recorded_facts import states
 
 from orientd import connect
-from orientd.protocol import word
+from orientd.protocol.reports import word
 
 pytest.importorskip("dynamixel_sdk")
 

@@ -12,7 +12,7 @@ import orientd
 from orientd import rotation
 from orientd.errors import LimitError, StartError
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 pytest.importorskip("dynamixel_sdk")
 

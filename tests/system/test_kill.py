@@ -21,8 +21,8 @@ from harness import (
 
 from orientd import planner, rotation
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_request
-from orientd.recorder import load_recording
+from orientd.protocol.motion import to_request
+from orientd.recorder.reader import load_recording
 
 RANDOM = random.Random(7)
 MOMENTS = [

@@ -15,7 +15,8 @@ from recorded_facts import configurations, states
 
 from orientd import rotation
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording, planned_orientations
+from orientd.recorder.planned import planned_orientations
+from orientd.recorder.reader import load_recording
 
 
 @pytest.fixture

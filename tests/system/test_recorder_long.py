@@ -14,7 +14,7 @@ from harness import DEVICE, DaemonProcess, spin, until
 from recorded import validated
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording
+from orientd.recorder.reader import load_recording
 
 pytestmark = pytest.mark.slow
 

@@ -27,7 +27,9 @@ from orientd.errors import (
     UnknownNameError,
 )
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub, samples, to_quaternion
+from orientd.protocol import to_quaternion
+from orientd.protocol.reports import samples
+from orientd.protocol.stub import control_stub
 from orientd.rotation import Quaternion
 
 LEASE_SECONDS = 3.0

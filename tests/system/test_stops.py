@@ -15,11 +15,11 @@ from command_line import assert_refused, orientd
 from harness import DEVICE, DaemonProcess, spin, until
 
 import orientd as package
-from orientd.client import ask_to_stop
+from orientd.client.stop_call import ask_to_stop
 from orientd.errors import DaemonError, StateError
 from orientd.first_stop import stop_folder
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import word
+from orientd.protocol.reports import word
 
 STRANGER = 54304
 
@@ -138,7 +138,7 @@ def test_who_is_not_admitted_is_told_so(daemon):
         pytest.skip("becomes another user, which root may")
     program = (
         # What a call imports may lie where the user to become cannot look.
-        "import os; from pathlib import Path; from orientd.client import ask_to_stop\n"
+        "import os; from pathlib import Path; from orientd.client.stop_call import ask_to_stop\n"
         f"ask_to_stop(Path({str(daemon.socket)!r}), 'stop')\n"
         f"os.setgroups([]); os.setgid({STRANGER}); os.setuid({STRANGER})\n"
         f"ask_to_stop(Path({str(daemon.socket)!r}), 'stop')"

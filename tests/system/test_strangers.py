@@ -11,7 +11,7 @@ from access_cell import OPERATOR, STRANGER, as_user
 from authority import OPENSSL, QUICK_KEY
 
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import control_stub
+from orientd.protocol.stub import control_stub
 
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 

@@ -122,6 +122,7 @@ def test_keys_on_a_terminal_take_name_remove_and_end(loopback, tmp_path):
     file = tmp_path / "keys.yaml"
     main, side = pty.openpty()
     command = [*COMMAND, "teach", str(file), "--watch", "--socket", str(loopback.socket)]
+    everything = ""
     with subprocess.Popen(command, stdin=side, stdout=side, stderr=side) as process:
         os.close(side)
         for keys, said in (
@@ -138,8 +139,13 @@ def test_keys_on_a_terminal_take_name_remove_and_end(loopback, tmp_path):
             printed = ""
             while said not in printed:
                 printed += os.read(main, 4096).decode()
+            assert r"\x1b" not in printed, "a code of the terminal is shown as text"
+            everything += printed
         assert process.wait() == 0
     os.close(main)
+    # The pose that is shown meanwhile leaves nothing beside a message.
+    for said in ("1 at 0.00 s", "2 is called 'grasp'", "removed 3", "wrote "):
+        assert f"\r{said}" in everything or f"\n{said}" in everything
     assert [one.name for one in motion_file.load(file).keyframes] == ["", "grasp"]
 
 

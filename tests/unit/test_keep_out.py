@@ -10,7 +10,7 @@ import pytest
 from orientd.config import DeviceSettings
 from orientd.errors import RequestError
 from orientd.keep_out import FASTEST_SUN, KeepOut
-from orientd.model import read_cones
+from orientd.model.cones import read_cones
 from orientd.planner import Keyframe
 from orientd.rotation import exp
 from orientd.sun import Sun

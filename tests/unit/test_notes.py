@@ -15,7 +15,8 @@ from orientd.errors import RequestError
 from orientd.motion_file import loads, parse, written
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import from_request, target_from_message, to_request
+from orientd.protocol.motion import from_request, to_request
+from orientd.protocol.targets import target_from_message
 from orientd.rotation import angle, from_euler, normalize
 
 CASES = int(os.environ.get("ORIENTD_CASES", "30"))

@@ -15,11 +15,13 @@ from orientd.client import motion_request
 from orientd.daemon.device import EventKind
 from orientd.errors import Fault, RequestError
 from orientd.keep_out import KeepOut
-from orientd.model import ANGULAR, FORMS, UNITS, attribute_lines
+from orientd.model.limits import ANGULAR, UNITS
+from orientd.model.orientation import FORMS
+from orientd.model.schema import attribute_lines
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import from_request, to_request
-from orientd.stream import Cycle, ServoState
+from orientd.protocol.motion import from_request, to_request
+from orientd.stream.records import Cycle, ServoState
 from orientd.sun import Sun
 
 ROOT = Path(__file__).parents[2] / "orientd"

@@ -18,6 +18,10 @@ WRONG = {
         "keyframes[1].azimuth_elevation.elevation: expected -180 to 180 deg, got -2443.5; "
         "check the decimal point",
     ),
+    "a misspelt key of the sun": (
+        REST + "keep_out:\n  - {name: s, half_angle_deg: 9, sun: {latitude: 1, lon: 2}}\n",
+        "keep_out[0].sun.lon: unknown key; did you mean 'longitude'?; known are latitude, ",
+    ),
     "a decimal comma in a mapping": (
         REST + "  - {time: 3,5, rotation_vector: [0, 0, 1]}\n",
         "keyframes[1].5: unknown key; write numbers with a decimal point; known are quaternion, ",

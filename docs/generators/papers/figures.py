@@ -12,10 +12,11 @@ import numpy as np
 from generators.basis import INSTANTS, cumulative_functions, draw_functions
 from generators.papers import scenes
 from generators.papers.sweep import draw_sweep
+from generators.papers.tips import draw_ideal, draw_tip_paths
 from orientd.curves import METHODS, KksBspline
 from orientd.plots.bodies import Face, draw_bodies, plate
 from orientd.plots.paper import SERIES, check_format, new_figure, save
-from orientd.plots.triads import TriadStyle, draw_tip_paths, draw_triads
+from orientd.plots.triads import TriadStyle, draw_triads
 from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats, exp, multiply
 
@@ -63,7 +64,8 @@ def _nielson(times: str) -> Callable[[Axes], None]:
         curve = METHODS["nielson_heiland"](keys=keys, times=times)
         q = curve.evaluate(np.linspace(*curve.domain, 3000))[0]
         ideal = scenes.ideal_orientation(np.linspace(0.0, 1.0, 2000))
-        draw_triads(axes, q, keys, style=NIELSON, ideal=ideal)
+        draw_triads(axes, q, keys, style=NIELSON)
+        draw_ideal(axes, ideal, NIELSON)
 
     return draw
 
@@ -124,7 +126,8 @@ def _bspline_curve(axes: Axes) -> None:
         curve = KksBspline(control=control, knots=scenes.CONTROL_KNOTS)
         curves.append(curve.evaluate(np.linspace(*curve.domain, 2000))[0])
     style = TriadStyle(view=Viewpoint(24.0, -20.0), number=9.0)
-    draw_triads(axes, curves[0], controls, style=style, ideal=curves[1], is_met=False)
+    draw_triads(axes, curves[0], controls, style=style, is_met=False)
+    draw_ideal(axes, curves[1], style)
 
 
 def _moving(

@@ -17,9 +17,10 @@ from orientd.cli.parameters import Option, command_of
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.client import MoveHandle, Robot
+    from orientd.client.move_handle import MoveHandle
+    from orientd.client.robot import Robot
     from orientd.protocol import control_pb2 as pb
-    from orientd.stream import Cycle
+    from orientd.stream.records import Cycle
 
 DEVICE = 'driver = "loopback"\n'
 KEYFRAMES = 20
@@ -56,7 +57,7 @@ def measure(
             "parts of a retarget, are in `make bench` of the sources",
             context,
         )
-    from orientd.client import connect
+    from orientd.client.robot import connect
 
     chance = random.Random(1)
     with working("measuring"):

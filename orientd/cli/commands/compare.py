@@ -16,8 +16,8 @@ from orientd.cli.parameters import Option
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
-    from orientd.curves import Candidate, Figures
-    from orientd.planner import MotionRequest
+    from orientd.curves.comparison import Candidate, Figures
+    from orientd.model.request import MotionRequest
     from orientd.rotation import Floats
 
 
@@ -75,9 +75,10 @@ def compare(
         raise click.BadParameter("needs --inertia", param_hint="--sort torque")
 
     from orientd import motion_file, plots
-    from orientd.curves import compare as compared
-    from orientd.curves import ranked
-    from orientd.planner import in_device_coordinates, task_of
+    from orientd.curves.comparison import compare as compared
+    from orientd.curves.comparison import ranked
+    from orientd.planner.resolve import in_device_coordinates
+    from orientd.planner.task import task_of
 
     if plot is not None:
         check_picture(plot)

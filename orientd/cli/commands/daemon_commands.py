@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from orientd.cli.command import ConfigFile, Endpoint, Socket
 from orientd.cli.output import Output, table
 from orientd.cli.parameters import Option
-from orientd.daemon import LogFormat
+from orientd.daemon.log import LogFormat
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def run(
             "curves, plans and clients work here"
         )
     from orientd import config as configuration
-    from orientd.client import default_socket
-    from orientd.daemon import run as serve
-    from orientd.daemon import set_up_log
+    from orientd.client.channel import default_socket
+    from orientd.daemon.log import set_up_log
+    from orientd.daemon.server import run as serve
 
     path = config or configuration.find()
     settings = configuration.load_or_default(path)
@@ -123,8 +123,8 @@ def status(at: Endpoint, out: Output) -> None:
 def devices(at: Endpoint, out: Output) -> None:
     """List the devices of the daemon's configuration."""
     from orientd.cli import texts
-    from orientd.planner import ANGULAR
-    from orientd.protocol import limits_from_message
+    from orientd.model.limits import ANGULAR
+    from orientd.protocol.limits import limits_from_message
 
     with at.connect("devices") as robot:
         found = robot.devices()
@@ -150,7 +150,7 @@ def methods(
     picture_format: Annotated[str, Option("--format", hidden=True, help="No longer there.")] = "",
 ) -> None:
     """List the interpolation methods.  Needs no daemon."""
-    from orientd.daemon import known_methods
+    from orientd.daemon.planners.reporting import known_methods
 
     if gallery is not None or picture_format:
         raise OrientdError(

@@ -15,7 +15,7 @@ from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.protocol import control_pb2 as pb
-    from orientd.stream import Cycle
+    from orientd.stream.records import Cycle
 
 RATE_HZ = 500
 START_VELOCITY = (0.25, -0.1, 0.3)
@@ -72,9 +72,9 @@ def demo(
     from orientd import plots
     from orientd.cli import texts
     from orientd.cli.following import follow, raise_unless_done
-    from orientd.client import connect
+    from orientd.client.robot import connect
     from orientd.protocol import control_pb2 as pb
-    from orientd.stream import ServoState
+    from orientd.stream.records import ServoState
 
     check_picture(plot)
     if not plot.absolute().parent.is_dir():

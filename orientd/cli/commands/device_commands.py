@@ -12,7 +12,7 @@ from orientd.cli.parameters import Argument
 from orientd.errors import DaemonError, OrientdError
 
 if TYPE_CHECKING:
-    from orientd.client import Robot
+    from orientd.client.robot import Robot
     from orientd.protocol import control_pb2 as pb
 
 

@@ -112,7 +112,7 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
 
 def latency_finding(device: DeviceSettings) -> Finding:
     """Move *device* a little and report its lag."""
-    from orientd.daemon import measure_latency
+    from orientd.daemon.calls.latency_identification import measure_latency
 
     name = f"{device.name}: latency"
     try:

@@ -25,7 +25,9 @@ from orientd.errors import OrientdError
 from orientd.one_line import counted
 
 if TYPE_CHECKING:
-    from orientd.client import EndlessTurn, MoveHandle, Robot
+    from orientd.client.endless_turn import EndlessTurn
+    from orientd.client.move_handle import MoveHandle
+    from orientd.client.robot import Robot
     from orientd.protocol import control_pb2 as pb
 
 
@@ -72,7 +74,7 @@ def plan(
     """
     from orientd import motion_file
     from orientd.cli import sample_files, texts
-    from orientd.daemon import plan_of, samples_of
+    from orientd.daemon.planners.reporting import plan_of, samples_of
 
     if output is not None:
         check_ending(output, sample_files.ENDINGS, named="--output")
@@ -135,7 +137,7 @@ def move(
     """
     from orientd import motion_file
     from orientd.cli import texts
-    from orientd.protocol import titled
+    from orientd.protocol.reports import titled
 
     if blend and not queue:
         raise click.BadParameter("needs --queue", param_hint="--blend")

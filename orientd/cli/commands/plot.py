@@ -85,7 +85,7 @@ def plot(
 
 def _instead(name: str) -> str:
     """Return a hint at what serves in place of a *name* that version 0.2 drew."""
-    from orientd.curves import METHODS
+    from orientd.curves.contract import METHODS
 
     if name in METHODS:
         return (
@@ -104,12 +104,8 @@ def _draw_recording(
     from orientd import plots
 
     need_extra("record")
-    from orientd.recorder import (
-        NotOursError,
-        load_recording,
-        marks,
-        planned_orientations,
-    )
+    from orientd.recorder.planned import marks, planned_orientations
+    from orientd.recorder.reader import NotOursError, load_recording
 
     if file.suffix == ".mcap" and not topic:
         with contextlib.suppress(NotOursError):
@@ -138,7 +134,10 @@ def _draw_file(file: Path, path: Path, show: Show, times: Times, ends: Ends) -> 
     import numpy as np
 
     from orientd import motion_file, plots
-    from orientd.planner import curve_of, distinct, in_device_coordinates, position_path, task_of
+    from orientd.planner.methods import curve_of
+    from orientd.planner.path import position_path
+    from orientd.planner.resolve import in_device_coordinates
+    from orientd.planner.task import distinct, task_of
 
     request = in_device_coordinates(motion_file.load(file), None)
     need_two(request)
@@ -146,12 +145,10 @@ def _draw_file(file: Path, path: Path, show: Show, times: Times, ends: Ends) -> 
     curve = curve_of(request, task)
     traces = plots.traces_of(curve, task, limits=request.limits)
     title = f"{file.name}: {request.method}"
-    if show == "triads":
-        plots.draw_triads_alone(path, traces, title=title)
-    elif show == "rates":
-        plots.draw_rates_alone(path, traces, title=title)
-    elif show == "motion":
+    if show == "motion":
         plots.draw_traces(path, traces, title=title)
+    elif show != "body":
+        plots.draw_part(path, traces, show, title=title)
     else:
         given = request.positions
         if given is not None and len(given) > len(task.times):
@@ -162,4 +159,4 @@ def _draw_file(file: Path, path: Path, show: Show, times: Times, ends: Ends) -> 
             raise RequestError(
                 "keyframes", "a body is drawn along positions, which these keyframes do not have"
             )
-        plots.draw_bodies_alone(path, traces, positions, title=title)
+        plots.draw_part(path, traces, show, title=title, positions=positions)

@@ -21,7 +21,7 @@ from orientd.errors import OrientdError
 from orientd.one_line import counted
 
 if TYPE_CHECKING:
-    from orientd.recorder import LiveRecording
+    from orientd.recorder.session import LiveRecording
 
 OutFile = Annotated[Path, Argument(metavar="OUT.mcap", help="The file to write.")]
 Seconds = Annotated[
@@ -57,7 +57,7 @@ def record(
     """
     check_output(file, seconds)
     tell_scalars(out, is_given=scalars)
-    from orientd.recorder import RecordingSession
+    from orientd.recorder.session import RecordingSession
 
     with at.connect("record") as robot:
         session = RecordingSession(robot, file, device or ())
@@ -150,8 +150,8 @@ def export(
     """
     check_ending(output, ENDINGS, named="--output")
     need_extra("record")
-    from orientd.recorder import export as write
-    from orientd.recorder import load_recording
+    from orientd.recorder.reader import load_recording
+    from orientd.recorder.tables import export as write
 
     recording = load_recording(file, partial=partial)
     rows = write(recording, recording.device(device), output)

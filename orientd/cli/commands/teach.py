@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from orientd.cli.command import DeviceName, Endpoint, check_ending
-from orientd.cli.output import Output
+from orientd.cli.output import LiveLine, Output
 from orientd.cli.parameters import Argument, Option
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
-    from orientd.client import Teaching
-    from orientd.planner import Keyframe
+    from orientd.client.teaching import Teaching
+    from orientd.model.request import Keyframe
 
 ENDINGS = (".yaml", ".yml", ".json")
 
@@ -29,7 +29,6 @@ _REFRESH = 0.1
 
 _KEYS = {" ": "take", "\n": "take", "\r": "take", "\x7f": "remove", "\b": "remove", "x": "remove",
          "n": "name", "q": "end", "\x04": "end"}  # fmt: skip
-_CLEAR = "\r\x1b[K"
 
 _HELP = "space adds the pose, backspace removes the last, n names it, q ends"
 
@@ -90,11 +89,13 @@ def _conclude(teaching: Teaching, file: Path, name: str, out: Output) -> None:
 
 def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, out: Output) -> None:
     """Execute commands until the end; after each, the file has all keyframes."""
+    line = LiveLine(sys.stdout)
+    is_live = orders.is_terminal and not out.as_json
     while True:
         order = orders.next(_REFRESH)
+        if is_live:
+            line.show(_live(teaching) if order is None else "")
         if order is None:
-            if orders.is_terminal and not out.as_json:
-                _show(_live(teaching))
             continue
         verb, _, text = order.partition(" ")
         if verb == "end":
@@ -107,7 +108,7 @@ def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, out: Out
                 teaching.save(file, name)
         except (DeviceError, StateError, ValueError) as error:
             said = f"not done: {error}"
-        out.say(f"{_CLEAR if orders.is_terminal else ''}{said}")
+        out.say(said)
 
 
 def _obey(teaching: Teaching, verb: str, text: str) -> str:
@@ -129,7 +130,7 @@ def _obey(teaching: Teaching, verb: str, text: str) -> str:
 
 
 def _told(number: int, keyframe: Keyframe) -> str:
-    from orientd.protocol import orientation
+    from orientd.protocol.reports import orientation
 
     called = f" {keyframe.name!r}" if keyframe.name else ""
     place = ", ".join(f"{part:.4f}" for part in keyframe.position or ())
@@ -140,7 +141,7 @@ def _told(number: int, keyframe: Keyframe) -> str:
 
 
 def _live(teaching: Teaching) -> str:
-    from orientd.protocol import orientation
+    from orientd.protocol.reports import orientation
 
     try:
         here = teaching.pose()
@@ -148,11 +149,6 @@ def _live(teaching: Teaching) -> str:
         return str(error)
     place = ", ".join(f"{part:.4f}" for part in here.position)
     return f"{len(teaching.keyframes)} taken; {orientation(here.q)}, position {place} m"
-
-
-def _show(line: str) -> None:
-    sys.stdout.write(f"{_CLEAR}{line}"[: os.get_terminal_size().columns + len(_CLEAR) - 1])
-    sys.stdout.flush()
 
 
 class _Orders:
@@ -203,7 +199,7 @@ class _Orders:
             # Line mode again, with echo.
             settings[3] |= termios.ICANON | termios.ECHO
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
-            sys.stdout.write(f"{_CLEAR}{prompt}")
+            sys.stdout.write(prompt)
             sys.stdout.flush()
             return sys.stdin.readline().strip()
 

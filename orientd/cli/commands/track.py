@@ -19,7 +19,7 @@ from orientd.one_line import counted, one_line
 from orientd.spelling import unknown_key
 
 if TYPE_CHECKING:
-    from orientd.client import Tracking
+    from orientd.client.tracking import Tracking
 
 _NAMED = 10
 """Most bad lines that are reported."""
@@ -52,7 +52,8 @@ def track(
     The command skips a bad line and reports it on standard error.  The exit status is 1 if every
     line was bad.
     """
-    from orientd.protocol import orientation, to_quaternion
+    from orientd.protocol.reports import orientation
+    from orientd.protocol.values import to_quaternion
 
     lines = _Lines(time_to_live)
     with to.connect("track") as robot:
@@ -138,8 +139,8 @@ class _Lines:
             ValueError: it is no target.
             StaleBaseError: it is one in the world, and the base is stale.
         """
-        from orientd.client import TARGET_KEYS, target_message
-        from orientd.protocol import target_from_message
+        from orientd.client.target_messages import TARGET_KEYS, target_message
+        from orientd.protocol.targets import target_from_message
 
         try:
             mapping = json.loads(line, parse_constant=_refuse_constant)

@@ -42,7 +42,7 @@ def view(
     """
     need_extra("view")
     from orientd.own_socket import is_loopback
-    from orientd.viewer import View
+    from orientd.viewer.view import View
 
     page = View(
         lambda: at.connect("view"),

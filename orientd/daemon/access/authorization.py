@@ -38,7 +38,7 @@ from orientd.errors import (
     TooMuchError,
 )
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_status
+from orientd.protocol.status import to_status
 
 CONTROL = "orientd.v1.Control"
 

@@ -11,7 +11,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from orientd.client import check_folder
+from orientd.client.trust import check_folder
 from orientd.errors import DaemonError
 
 

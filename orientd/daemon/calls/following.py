@@ -15,7 +15,8 @@ from orientd.driver import Quaternion
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import poses_from_message, quaternion, target_from_message, vector
+from orientd.protocol.targets import poses_from_message, target_from_message
+from orientd.protocol.values import quaternion, vector
 
 SPACING = 10.0
 """Least time between two events about the messages of one caller, s."""

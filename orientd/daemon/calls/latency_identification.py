@@ -16,14 +16,15 @@ import numpy as np
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
-from orientd.daemon.planners import PlanCall, Planners
+from orientd.daemon.planners.pool import Planners
+from orientd.daemon.planners.task import PlanCall
 from orientd.driver import Quaternion
 from orientd.errors import DaemonError, OrientdError
-from orientd.planner import Keyframe, MotionRequest
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import from_request
+from orientd.protocol.motion import from_request
 from orientd.rotation import Floats
-from orientd.stream import Cycle, CycleFlag, ServoState
+from orientd.stream.records import Cycle, CycleFlag, ServoState
 
 ANGLE = 0.2
 """How far the tool turns about its own z axis and back, rad."""

@@ -10,10 +10,13 @@ from typing import Any
 from orientd.daemon.device import Device, QueuedMotion
 from orientd.driver import PartHealth, Quaternion, Vector3
 from orientd.floats import difference, norm
-from orientd.planner import Frame
-from orientd.protocol import STALE, cone_message, limits_to_message, quaternion, vector
+from orientd.model.request import Frame
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import UNKNOWN, Cycle, CycleFlag, ServoState, record_index, unpack_cycle
+from orientd.protocol.limits import limits_to_message
+from orientd.protocol.motion import cone_message
+from orientd.protocol.reports import STALE
+from orientd.protocol.values import quaternion, vector
+from orientd.stream.records import UNKNOWN, Cycle, CycleFlag, ServoState, record_index, unpack_cycle
 
 NANOSECONDS = 1e9
 STALE_AFTER = 3.0

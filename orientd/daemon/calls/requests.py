@@ -9,7 +9,7 @@ import time
 from orientd.daemon.device import ArrivalCondition, Device, MoveOptions
 from orientd.errors import RequestError, StateError
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import UNKNOWN, ServoState
+from orientd.stream.records import UNKNOWN, ServoState
 
 DEFAULT_REPORTS_HZ = 20.0
 SLOWEST_REPORTS_HZ = 0.1

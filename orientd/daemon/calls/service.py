@@ -22,7 +22,8 @@ from grpclib.const import Cardinality
 
 import orientd
 from orientd.clock import clock_name
-from orientd.daemon.access import Caller, Method, keyframe_count
+from orientd.daemon.access.authorization import Method, keyframe_count
+from orientd.daemon.access.identity import Caller
 from orientd.daemon.calls import report
 from orientd.daemon.calls.following import Following, read_targets
 from orientd.daemon.calls.requests import (
@@ -35,7 +36,8 @@ from orientd.daemon.calls.requests import (
 from orientd.daemon.device import GONE, TICK, Device, QueuedMotion
 from orientd.daemon.devices import Devices
 from orientd.daemon.leases import Lease
-from orientd.daemon.planners import PlanCall, PlannedMotion
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.daemon.planners.task import PlanCall
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
@@ -45,8 +47,8 @@ from orientd.errors import (
     StateError,
 )
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import limits_to_wish
-from orientd.stream import CYCLE_RECORD, record_index
+from orientd.protocol.limits import limits_to_wish
+from orientd.stream.records import CYCLE_RECORD, record_index
 
 _log = logging.getLogger(__name__)
 

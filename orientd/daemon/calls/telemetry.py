@@ -20,7 +20,7 @@ from orientd.daemon.device import Device, DeviceEvent, EventKind
 from orientd.daemon.workers import LoopErrors
 from orientd.errors import ConfigError
 from orientd.own_socket import ClientListener
-from orientd.stream import Cycle, ServoState
+from orientd.stream.records import Cycle, ServoState
 
 _log = logging.getLogger(__name__)
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 import os
 import weakref
 
-from orientd.stream import CYCLE_RECORD, RecordRing
+from orientd.stream.records import CYCLE_RECORD
+from orientd.stream.ring import RecordRing
 
 _STRIDE = RecordRing.stride(CYCLE_RECORD)
 _BATCH = 64

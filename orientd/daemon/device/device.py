@@ -25,13 +25,15 @@ from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
 from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
 from orientd.daemon.device.target_writer import DeviceAxes, TargetWriter
 from orientd.daemon.leases import Lease, Leases
-from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.daemon.planners.pool import Planners
+from orientd.daemon.planners.task import PlanCall
 from orientd.daemon.workers import DeviceWorkers, LoopErrors
 from orientd.driver import Explaining, Vector3, make_driver
 from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
 from orientd.planner import Limits
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import UNKNOWN, Command, Cycle, ServoState, unpack_cycle
+from orientd.stream.records import UNKNOWN, Command, Cycle, ServoState, unpack_cycle
 
 if TYPE_CHECKING:
     from orientd.daemon.stops import StopFolder

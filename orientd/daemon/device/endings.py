@@ -20,7 +20,7 @@ from orientd.daemon.device.queued_motion import ArrivalCondition, QueuedMotion
 from orientd.daemon.device.servo_process import ServoProcess
 from orientd.driver import Quaternion
 from orientd.floats import difference, norm
-from orientd.stream import Cycle, CycleFlag, ServoState, unpack_cycle
+from orientd.stream.records import Cycle, CycleFlag, ServoState, unpack_cycle
 
 _BLOCK = 256
 

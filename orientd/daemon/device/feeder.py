@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import struct
 
-from orientd.daemon.planners import PlannedMotion
-from orientd.planner import MOTION_RECORD
-from orientd.servo import FINAL_WORD, TAIL_WORD
-from orientd.stream import PATH_FLOATS, RecordRing
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.planner.facts import MOTION_RECORD
+from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
+from orientd.stream.records import PATH_FLOATS
+from orientd.stream.ring import RecordRing
 
 BLOCK = 512
 """Records copied at a time."""

@@ -12,14 +12,15 @@ from bisect import bisect_left
 from collections import Counter
 from math import exp, log
 
-from orientd.daemon.planners import PlannedMotion
+from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, multiply, norm
 from orientd.floats import exp as turn_of
-from orientd.planner import MOTION_RECORD
+from orientd.planner.facts import MOTION_RECORD
 from orientd.protocol import control_pb2 as pb
-from orientd.servo import Segment, point_of
-from orientd.stream import MOVING, PATH_FLOATS, Cycle, CycleFlag, RecordRing, unpack_cycle
+from orientd.servo.path.segment import Segment, point_of
+from orientd.stream.records import MOVING, PATH_FLOATS, Cycle, CycleFlag, unpack_cycle
+from orientd.stream.ring import RecordRing
 
 _BIN = log(1.01)
 

@@ -19,9 +19,10 @@ from orientd.daemon.device.meter import MotionMeter
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
 from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
-from orientd.planner import MotionFacts
-from orientd.servo import TAIL_WORD, records_to_stop
-from orientd.stream import MOVING, UNKNOWN, Command, Cycle, ServoLimits, ServoState
+from orientd.planner.facts import MotionFacts
+from orientd.servo.path.path_follower import TAIL_WORD
+from orientd.servo.path.time_scaling import records_to_stop
+from orientd.stream.records import MOVING, UNKNOWN, Command, Cycle, ServoLimits, ServoState
 
 _SOON = 1.0
 """How long before its start time the servo hears of the motion after a waiting one, s."""

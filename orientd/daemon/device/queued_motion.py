@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 from orientd.daemon.device.feeder import Feeder
 from orientd.daemon.device.meter import NANOSECONDS, MotionMeter
-from orientd.daemon.planners import PlannedMotion
+from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.errors import RequestError
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import UNKNOWN, Cycle
+from orientd.stream.records import UNKNOWN, Cycle
 
 Ended = tuple[pb.Outcome, str]
 """How a motion has ended, and why."""
@@ -50,7 +50,7 @@ class MoveOptions:
     Attributes:
         is_queued: whether it follows what runs; otherwise it replaces that.
         blend: largest angle from the corner to the motion before, rad; 0 passes the corner itself.
-        start_ns: start time, monotonic clock; :data:`~orientd.stream.UNKNOWN` for at once.
+        start_ns: start time, monotonic clock; :data:`~orientd.stream.records.UNKNOWN` for at once.
         gate: when it has arrived; ``None`` for when its last setpoint is sent.
     """
 

@@ -18,14 +18,9 @@ from collections.abc import Callable, Sequence
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.servo_process import ServoProcess
-from orientd.daemon.planners import (
-    PlanCall,
-    PlanInput,
-    PlannedMotion,
-    Planners,
-    Rank,
-    record_at_rest,
-)
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.daemon.planners.pool import Planners
+from orientd.daemon.planners.task import PlanCall, PlanInput, Rank, record_at_rest
 from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import Joints
 from orientd.errors import (
@@ -38,8 +33,8 @@ from orientd.errors import (
     StateError,
 )
 from orientd.floats import difference, norm
-from orientd.planner import HISTORY, MOTION_RECORD
-from orientd.stream import JOINTS, MOVING, PATH_FLOATS, UNKNOWN, Command, ServoState
+from orientd.planner.facts import HISTORY, MOTION_RECORD
+from orientd.stream.records import JOINTS, MOVING, PATH_FLOATS, UNKNOWN, Command, ServoState
 
 _log = logging.getLogger(__name__)
 

@@ -21,12 +21,18 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.report_directory import report_directory
 from orientd.driver import Explaining, PartHealth, driver_target, python_command, python_version
 from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, NotYetError, StateError
-from orientd.planner import Limits
-from orientd.servo import HELD_WORD, ProcessSettings
-from orientd.stream import (
+from orientd.model.limits import Limits
+from orientd.servo.process import ProcessSettings
+from orientd.servo.tracking.target_follower import HELD_WORD
+from orientd.stream.memory import (
     GIVEN_UP_WORD,
     LONGEST_READ_WORD,
     LONGEST_WRITE_WORD,
+    SharedMemory,
+    newest_health,
+    tuning_text,
+)
+from orientd.stream.records import (
     UNKNOWN,
     Answer,
     Command,
@@ -35,10 +41,7 @@ from orientd.stream import (
     NoteKind,
     ServoLimits,
     ServoState,
-    SharedMemory,
     Stop,
-    newest_health,
-    tuning_text,
     unpack_cycle,
     unpack_note,
 )
@@ -311,7 +314,7 @@ class ServoProcess:
         Args:
             command: what to do.
             motion, path_index, leave_index, final_index, start_ns, speed, servo_limits: see
-                :class:`~orientd.stream.Command`.
+                :class:`~orientd.stream.records.Command`.
 
         Returns:
             When the servo could see the command, monotonic s.

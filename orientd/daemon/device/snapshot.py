@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.servo_process import ServoProcess
-from orientd.daemon.planners import PlannedMotion
+from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.driver import PartHealth
 from orientd.errors import Fault
 from orientd.floats import difference, norm
-from orientd.stream import Cycle, CycleFlag, ServoState, unpack_cycle
+from orientd.stream.records import Cycle, CycleFlag, ServoState, unpack_cycle
 
 
 @dataclass(frozen=True, slots=True)

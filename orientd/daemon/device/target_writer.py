@@ -11,9 +11,12 @@ from collections.abc import Sequence
 from orientd.daemon.device.servo_process import ServoProcess
 from orientd.driver import Driver, Joints, Quaternion, Vector3
 from orientd.errors import LinkError, PlanError, RequestError
-from orientd.mechanism import Gimbal, Mechanical, Mechanism, refusal
-from orientd.servo import LEFT_OUT_WORD, ChunkReport, publish_chunk, read_report
-from orientd.stream import NOT_GIVEN, Cycle, Sample
+from orientd.mechanism import Gimbal, Mechanical, Mechanism
+from orientd.mechanism.foresight import refusal
+from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
+from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
+from orientd.stream import Cycle
+from orientd.stream.records import NOT_GIVEN, Sample
 
 _log = logging.getLogger(__name__)
 

@@ -26,7 +26,7 @@ from orientd.config import Settings
 from orientd.daemon.device import CycleMemory, DeviceEvent, EventKind
 from orientd.daemon.observe.journal import Journal
 from orientd.daemon.report_directory import report_directory
-from orientd.stream import CYCLE_RECORD
+from orientd.stream.records import CYCLE_RECORD
 
 if TYPE_CHECKING:
     from orientd.daemon.device import Device

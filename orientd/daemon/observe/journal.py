@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.log import about
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import titled
+from orientd.protocol.reports import titled
 
 _log = logging.getLogger(__name__)
 

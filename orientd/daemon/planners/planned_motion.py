@@ -11,7 +11,7 @@ from typing import Self
 
 from orientd.daemon.planners.task import CHUNK, PlanInput, Planned, RecordFile, Rest
 from orientd.errors import OrientdError
-from orientd.planner import HISTORY
+from orientd.planner.facts import HISTORY
 
 _WAIT = 1.0
 """Longest wait of the journal for the planner's report of a motion, s."""

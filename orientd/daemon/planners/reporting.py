@@ -6,12 +6,15 @@ from dataclasses import asdict
 
 import numpy as np
 
-from orientd.curves import METHODS
+from orientd.curves.contract import METHODS
 from orientd.errors import RequestError
-from orientd.planner import Frame, Motion
-from orientd.planner import PathSamples as Sampled
-from orientd.protocol import Samples, cone_message, from_request, quaternion, vector
+from orientd.model.request import Frame
+from orientd.planner.motion import Motion
+from orientd.planner.path import PathSamples as Sampled
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.motion import cone_message, from_request
+from orientd.protocol.reports import Samples
+from orientd.protocol.values import quaternion, vector
 from orientd.rotation import Floats
 
 MOST_SAMPLES = 300_000

@@ -23,8 +23,9 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
-from orientd.planner import HISTORY, MOTION_RECORD, Frame, MotionFacts
-from orientd.stream import JOINTS
+from orientd.model.request import Frame
+from orientd.planner.facts import HISTORY, MOTION_RECORD, MotionFacts
+from orientd.stream.records import JOINTS
 
 CHUNK = 65_536
 """Records that a planner works out at a time: two minutes at 500 Hz."""

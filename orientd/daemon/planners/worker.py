@@ -34,20 +34,14 @@ from orientd.daemon.planners.task import (
     packed,
 )
 from orientd.errors import OrientdError, PlanError, RequestError
-from orientd.planner import (
-    HISTORY,
-    NOT_BLENDED,
-    Frame,
-    Keyframe,
-    Motion,
-    MotionRequest,
-    RecordedMotion,
-    State,
-    rows_of,
-    start_of,
-)
+from orientd.model.request import Frame, Keyframe, MotionRequest
+from orientd.planner.blending import NOT_BLENDED
+from orientd.planner.facts import HISTORY
+from orientd.planner.motion import Motion
+from orientd.planner.recorded import RecordedMotion, rows_of, start_of
+from orientd.planner.state import State
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_request
+from orientd.protocol.motion import to_request
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""

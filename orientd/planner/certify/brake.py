@@ -46,7 +46,7 @@ import math
 import numpy as np
 
 from orientd.kernels import least_rate
-from orientd.model import Limits
+from orientd.model.limits import Limits
 from orientd.rotation import Floats
 
 FASTEST_BRAKE_RATE = 20.0

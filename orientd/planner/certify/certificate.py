@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from orientd.mechanism import Figure, Loss
+from orientd.mechanism.figure import Figure, Loss
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ from functools import lru_cache
 import numpy as np
 
 from orientd import kernels
-from orientd.model import ANGULAR, Limits
+from orientd.model.limits import ANGULAR, Limits
 from orientd.planner.certify.brake import LAW
 from orientd.planner.certify.certificate import Peak
 from orientd.planner.facts import HISTORY

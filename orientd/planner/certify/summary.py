@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orientd.curves import METHODS
-from orientd.mechanism import Figure
-from orientd.model import ANGULAR, AXES, UNITS, MotionRequest
+from orientd.curves.contract import METHODS
+from orientd.mechanism.figure import Figure
+from orientd.model.limits import ANGULAR, AXES, UNITS
+from orientd.model.request import MotionRequest
 from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.certify.measuring import Peaks
 from orientd.planner.facts import HISTORY

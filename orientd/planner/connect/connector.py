@@ -15,12 +15,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from orientd import kernels
-from orientd.curves import Indices, Trajectory
-from orientd.model import LONGEST, Limits
+from orientd.curves.basis import Indices
+from orientd.curves.trajectory import Trajectory
+from orientd.model.limits import LONGEST, Limits
 from orientd.planner import refusal
-from orientd.planner.certify import limit_table
+from orientd.planner.certify.measuring import limit_table
 from orientd.planner.state import State
-from orientd.planner.timing import KeyframePath
+from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 
 FACTORS = 5

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd import kernels
-from orientd.curves import AxisTurn, Trajectory
+from orientd.curves.axis_turn import AxisTurn
+from orientd.curves.trajectory import Trajectory
 from orientd.errors import PlanError
-from orientd.model import LONGEST, Limits, is_still
-from orientd.planner.certify import limit_table
+from orientd.model.limits import LONGEST, Limits, is_still
+from orientd.planner.certify.measuring import limit_table
 from orientd.planner.connect.connector import (
     CONNECTOR_RESERVE,
     FACTORS,
@@ -32,7 +33,7 @@ from orientd.planner.connect.connector import (
 from orientd.planner.connect.position_stop import check_lead, position_lead
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
 from orientd.planner.state import State
-from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
+from orientd.planner.timing.axis_turn import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m

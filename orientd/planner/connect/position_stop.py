@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.errors import PlanError
-from orientd.model import LONGEST, Limits
+from orientd.model.limits import LONGEST, Limits
 from orientd.planner.path import DEGREE, Motion3, PositionPath, quintic
 from orientd.planner.state import State
 from orientd.rotation import Floats

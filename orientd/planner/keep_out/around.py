@@ -17,7 +17,7 @@ import numpy as np
 
 from orientd.curves import METHODS, Trajectory
 from orientd.errors import PlanError
-from orientd.model import Keyframe, MotionRequest
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.job import certified
 from orientd.planner.keep_out.clearance import Cones
 from orientd.planner.keep_out.detour import Detour
@@ -31,7 +31,7 @@ from orientd.planner.keep_out.route import (
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path
 from orientd.planner.state import State
-from orientd.planner.timing import KeyframePath
+from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, exp, multiply, rotate
 
 Planning = Callable[[MotionRequest], Motion]

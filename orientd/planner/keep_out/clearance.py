@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orientd.keep_out import KeepOut
-from orientd.mechanism import Figure
-from orientd.model import MotionRequest
+from orientd.mechanism.figure import Figure
+from orientd.model.request import MotionRequest
 from orientd.planner.motion import Motion
 from orientd.rotation import Floats, conjugate, log, multiply, right_jacobian_inverse, rotate
 from orientd.sun import Sun

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orientd.model import Keyframe, MotionRequest
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.motion import Motion
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves import Trajectory
-from orientd.model import STEADY, STILL, Frame
+from orientd.curves.trajectory import Trajectory
+from orientd.model.limits import STEADY, STILL
+from orientd.model.request import Frame
 from orientd.planner.path.position import PositionPath
 from orientd.planner.state import State
 from orientd.rotation import Floats, conjugate, rotate

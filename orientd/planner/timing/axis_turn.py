@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from orientd.curves import AxisTurn
-from orientd.model import Limits
-from orientd.planner.certify import jerk_to_stop, longest_stop, share_to_stop, speed_to_stop
+from orientd.curves.axis_turn import AxisTurn
+from orientd.model.limits import Limits
+from orientd.planner.certify.brake import jerk_to_stop, longest_stop, share_to_stop, speed_to_stop
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 

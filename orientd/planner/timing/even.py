@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd.kernels import time_even
-from orientd.model import LONGEST, Limits
+from orientd.model.limits import LONGEST, Limits
 from orientd.planner import refusal
-from orientd.planner.certify import OFF_GRID, limit_table
+from orientd.planner.certify.measuring import OFF_GRID, limit_table
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.tolerances import GUARD_TOLERANCE
 

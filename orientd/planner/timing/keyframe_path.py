@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from orientd.curves import Trajectory
-from orientd.model import STILL, Limits, is_still
+from orientd.curves.trajectory import Trajectory
+from orientd.model.limits import STILL, Limits, is_still
 from orientd.planner import refusal
 from orientd.planner.path import PositionPath, end_states
 from orientd.planner.state import State

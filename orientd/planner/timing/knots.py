@@ -21,8 +21,9 @@ import numpy as np
 
 from orientd import kernels
 from orientd.errors import PlanError, RequestError
-from orientd.model import DEFAULT_METHOD, LONGEST, Limits, MotionRequest
-from orientd.planner.certify import limit_table
+from orientd.model.limits import LONGEST, Limits
+from orientd.model.request import DEFAULT_METHOD, MotionRequest
+from orientd.planner.certify.measuring import limit_table
 from orientd.rotation import Floats, align, angle, between
 
 SAME = 1e-9

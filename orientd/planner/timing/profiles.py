@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orientd.curves import TimeMap, Trajectory
+from orientd.curves.trajectory import TimeMap, Trajectory
 from orientd.errors import PlanError
 from orientd.kernels import time_quickest
-from orientd.model import Limits
+from orientd.model.limits import Limits
 from orientd.planner import refusal
-from orientd.planner.certify import limit_table
+from orientd.planner.certify.measuring import limit_table
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats

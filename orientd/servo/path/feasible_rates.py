@@ -24,7 +24,7 @@ from typing import NamedTuple
 from orientd.driver import ZERO, AxisLimits, Joints, Vector3
 from orientd.floats import plus
 from orientd.servo.motion_law import first_change
-from orientd.stream import ServoLimits
+from orientd.stream.records import ServoLimits
 
 _LEAST_RELEASE = 0.3
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its rate does not matter

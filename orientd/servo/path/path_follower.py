@@ -20,7 +20,8 @@ from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
 from orientd.servo.keep_out_cones import MOST_DRIFT, SLACK, KeepOutCones
 from orientd.servo.path.segment import PathPoint, Segment, point_of
-from orientd.stream import HEAD, NO_Q, UNKNOWN, RecordRing, ServoLimits
+from orientd.stream.records import NO_Q, UNKNOWN, ServoLimits
+from orientd.stream.ring import HEAD, RecordRing
 from orientd.tolerances import NORM_TOLERANCE
 
 FINAL_WORD = 1

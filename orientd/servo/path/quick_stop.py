@@ -31,7 +31,7 @@ from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
 from orientd.servo.path.segment import STANDING, Segment, joints_at
 from orientd.servo.path.time_scaling import TimeScaling
-from orientd.stream import ServoLimits
+from orientd.stream.records import ServoLimits
 
 SHARE = 0.998
 """Share of the limits that a quick stop uses; the rest is for the errors of its model."""

@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.floats import combine, difference, multiply, plus
-from orientd.stream import JOINTS
+from orientd.stream.records import JOINTS
 
 LEAST_STEP = 2e-7
 """Least acceleration step that is detected, rad per squared period."""

@@ -10,11 +10,7 @@ not determined.
 Here the state *is* the chain of backward differences that the guard checks.  A limit is kept
 because no other state is ever chosen (:mod:`orientd.servo.motion_law`).  The tests compare with
 ruckig, whose duration about one axis is the optimum.
-"""
 
-from orientd.servo.tracking.chunks import ChunkReport, knots_of, publish_chunk, read_report
-from orientd.servo.tracking.joint_stop import JointStop
-from orientd.servo.tracking.quintic import Knot
-from orientd.servo.tracking.target_follower import TargetFollower
-from orientd.servo.tracking.targets import Target
-from orientd.servo.tracking.tracker import Tracker, TrackPoint
+Other packages import from ``chunks``, ``joint_stop``, ``quintic``, ``spline``, ``target_follower``,
+``targets`` and ``tracker``.
+"""

@@ -14,7 +14,8 @@ from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, cross, difference, normalize, plus
 from orientd.servo.tracking.preview import Preview
 from orientd.servo.tracking.quintic import Knot
-from orientd.stream import CHUNK_POSES, KNOT_FLOATS, RecordRing, Sample
+from orientd.stream.records import CHUNK_POSES, KNOT_FLOATS, Sample
+from orientd.stream.ring import RecordRing
 from orientd.tolerances import NORM_TOLERANCE
 
 LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD = range(1, 7)
@@ -63,7 +64,7 @@ class Chunk(NamedTuple):
 
 
 def publish_chunk(ring: RecordRing, samples: Sequence[Sample]) -> None:
-    """Write a chunk of 1 to :data:`~orientd.stream.CHUNK_POSES` samples, whose times ascend."""
+    """Write a chunk of 1 to :data:`.CHUNK_POSES` samples, whose times ascend."""
     knots = knots_of(samples)
     spare = CHUNK_POSES - len(knots)
     times = [knot.time_ns for knot in knots] + [0] * spare

@@ -12,7 +12,8 @@ from math import acos, ceil, cos, inf, sqrt
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.floats import cross, dot, norm, plus, rotate
-from orientd.mechanism import USABLE, Mechanism
+from orientd.mechanism.following import USABLE
+from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.tracking.stop_rollout import Arc
 

@@ -3,7 +3,7 @@
 The position follows its target by the law of the orientation (:mod:`orientd.servo.motion_law`),
 with the linear limits.
 
-For a device with a mechanism the axes are predicted (:class:`~orientd.mechanism.Foresight`).  If
+For a device with a mechanism the axes are predicted (:class:`.Foresight`).  If
 they cannot follow a step and a stop from it, the servo tries a part of the step, and finally
 brakes.
 """
@@ -15,7 +15,7 @@ from math import dist
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.floats import combine, dot, exp, multiply, norm, plus
-from orientd.mechanism import ComingStop, Foresight
+from orientd.mechanism.foresight import ComingStop, Foresight
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import (
@@ -36,7 +36,8 @@ from orientd.servo.tracking.chunks import (
 from orientd.servo.tracking.steering import position_command
 from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import Place, Tracker, TrackPoint
-from orientd.stream import RecordRing, ServoLimits
+from orientd.stream.records import ServoLimits
+from orientd.stream.ring import RecordRing
 
 TARGETS_PER_CYCLE = 8
 """Targets accepted in one cycle; the others wait."""
@@ -301,6 +302,6 @@ class TargetFollower:
 
 
 def _given(vector: Sequence[float]) -> Vector3 | None:
-    """Return a vector of a record; ``None`` for :data:`~orientd.stream.NOT_GIVEN`."""
+    """Return a vector of a record; ``None`` for :data:`.NOT_GIVEN`."""
     x, y, z = vector
     return None if x != x and y != y and z != z else (x, y, z)

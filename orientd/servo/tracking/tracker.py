@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
-from orientd.mechanism import AxisStop
+from orientd.mechanism.foresight import AxisStop
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import (
     NO_LIMITS,
@@ -33,7 +33,7 @@ from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.steering import AccelerationCap, position_command
 from orientd.servo.tracking.stop_filter import StopFilter
 from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
-from orientd.stream import ServoLimits
+from orientd.stream.records import ServoLimits
 
 _MET = 0.02
 """Largest distance from its target at which the device has met it, rad."""

@@ -16,10 +16,10 @@ from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
 
 from orientd.clock import MonotonicClock
 from orientd.daemon.device import MoveOptions
-from orientd.daemon.planners import PlanCall
+from orientd.daemon.planners.task import PlanCall
 from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
-from orientd.mechanism import route
+from orientd.mechanism.routing import route
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.protocol import control_pb2 as pb
 from orientd_ur import UrDriver

@@ -8,7 +8,7 @@ from ur_rig import device_of, is_holding, until
 from orientd.driver import ZERO
 from orientd.errors import Fault, RequestError
 from orientd.floats import difference, exp, multiply, norm
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 pytest.importorskip("rtde_control")
 

@@ -16,7 +16,7 @@ from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
-from orientd.mechanism import route
+from orientd.mechanism.routing import route
 from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS as ARMS
 from orientd_ur.primary import ask

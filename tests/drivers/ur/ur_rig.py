@@ -13,7 +13,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 
 def until(claim, what, seconds=30.0):

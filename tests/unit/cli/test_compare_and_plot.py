@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from orientd import curves
 from orientd.cli.main import app
-from orientd.curves import METHODS
+from orientd.curves import METHODS, comparison
 
 STANDARD = Path(__file__).parents[2] / "data/standard"
 QUICK = ("squad", "c2_cumulative", "piecewise_slerp", "kks_bspline", "slerp")
@@ -18,9 +17,9 @@ QUICK = ("squad", "c2_cumulative", "piecewise_slerp", "kks_bspline", "slerp")
 def _few_families(monkeypatch):
     """All of them are compared elsewhere."""
     few = {name: METHODS[name] for name in QUICK}
-    whole = curves.compare
+    whole = comparison.compare
     monkeypatch.setattr(
-        curves, "compare", lambda task, **more: whole(task, **{**more, "families": few})
+        comparison, "compare", lambda task, **more: whole(task, **{**more, "families": few})
     )
 
 

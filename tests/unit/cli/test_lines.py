@@ -12,7 +12,7 @@ from orientd.cli.commands import doctor
 from orientd.cli.machine import Finding, Verdict
 from orientd.cli.output import Output
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import RecordingWriter
+from orientd.recorder.writer import RecordingWriter
 
 TWO = "keyframes:\n  - {rotation_vector: [0, 0, 0]}\n  - {rotation_vector: [0, 0, 1]}\n"
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from orientd import curves, motion_file, plots
+from orientd import motion_file, plots
 from orientd.cli.main import app
-from orientd.curves import METHODS, is_pair
+from orientd.curves import METHODS, comparison, is_pair
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner import plan as planned
-from orientd.protocol import from_request, to_request
+from orientd.protocol.motion import from_request, to_request
 from orientd.rotation import angle
 
 KEYFRAMES = """
@@ -35,7 +35,7 @@ CASES = [
 def made(monkeypatch):
     """The curves that `compare` and `plot` make, by command, and what `plot` would draw."""
     found = {}
-    compared, traced = curves.compare, plots.traces_of
+    compared, traced = comparison.compare, plots.traces_of
 
     def keep_compared(task, **more):
         candidates = compared(task, **{**more, "families": {found["name"]: found["family"]}})
@@ -46,7 +46,7 @@ def made(monkeypatch):
         found["plot"] = curve
         return traced(curve, task, **more)
 
-    monkeypatch.setattr(curves, "compare", keep_compared)
+    monkeypatch.setattr(comparison, "compare", keep_compared)
 
     def keep_drawn(path, traces, **more):
         # Pictures are drawn elsewhere, and take ten times as long as all else here.

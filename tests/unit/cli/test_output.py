@@ -14,7 +14,7 @@ from command_line import assert_refused, inside
 from orientd.cli.commands import daemon_commands
 from orientd.cli.output import Output, plain, table
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 
 class Colour(Enum):

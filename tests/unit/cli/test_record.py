@@ -12,7 +12,8 @@ from hand_held import recorded as hand_held
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.cli.commands.record import ending
-from orientd.recorder import LiveRecording, RecordingWriter
+from orientd.recorder.session import LiveRecording
+from orientd.recorder.writer import RecordingWriter
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from orientd.cli.commands.track import _Lines
 from orientd.client import Pointing
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import target_from_message
+from orientd.protocol.targets import target_from_message
 
 CASES = int(os.environ.get("ORIENTD_CASES", "60"))
 GOOD = b'{"rotation_vector": [0, 0, 0.1]}'

@@ -14,7 +14,8 @@ from orientd.client import Pointing
 from orientd.driver import IDENTITY, ZERO
 from orientd.floats import conjugate, difference, exp, multiply, norm, rotate_back
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import quaternion, target_from_message
+from orientd.protocol import quaternion
+from orientd.protocol.targets import target_from_message
 from orientd.rotation import Quaternion
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)

@@ -14,7 +14,7 @@ def resolve(name, certificate, key, ca):
 ENTRIES = "[orientd.addresses]\nlab = foreign:resolve\nbroken = foreign.missing:resolve\n"
 FIND = """
 import sys
-from orientd.client import Way
+from orientd.client.channel import Way
 from orientd.errors import DaemonError
 try:
     print(Way.find(address=sys.argv[1]))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import orientd
-from orientd.client import Anchor, Clutch
+from orientd.client import Clutch
+from orientd.client.clutch import Anchor
 from orientd.driver import ZERO
 from orientd.errors import RequestError
 from orientd.floats import difference, exp, multiply, norm, plus

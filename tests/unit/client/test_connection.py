@@ -5,8 +5,7 @@ from authority import Authority
 from command_line import assert_refused, inside
 
 import orientd
-from orientd.client import certificate_files
-from orientd.client.channel import Way
+from orientd.client.channel import Way, certificate_files
 from orientd.client.robot import Robot
 from orientd.errors import DaemonError
 from orientd_fleet import connect_fleet

@@ -4,7 +4,8 @@ import threading
 from types import SimpleNamespace
 
 import orientd
-from orientd.client import Robot, Way, move_handle
+from orientd.client import Robot, move_handle
+from orientd.client.channel import Way
 
 
 def test_motions_that_two_threads_begin_are_both_stopped_at_the_end(tmp_path, monkeypatch):

@@ -8,7 +8,8 @@ import pytest
 from orientd.client import tracking
 from orientd.client.tracking import paced
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import poses_from_message, quaternion
+from orientd.protocol import quaternion
+from orientd.protocol.targets import poses_from_message
 
 COUNT = 1000
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orientd import rotation
-from orientd.client import smoothed_orientations, smoothed_positions
+from orientd.client.smoothing import smoothed_orientations, smoothed_positions
 
 TIMES = np.arange(30) / 30.0
 AXIS = np.array([0.36, -0.48, 0.8])

@@ -8,8 +8,9 @@ import sys
 
 import pytest
 
-from orientd.client import ask_to_stop, trust
+from orientd.client import trust
 from orientd.client.channel import Way
+from orientd.client.stop_call import ask_to_stop
 from orientd.client.trust import check_folder, check_socket
 from orientd.errors import DaemonError
 

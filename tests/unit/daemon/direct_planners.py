@@ -6,11 +6,12 @@ import asyncio
 from concurrent.futures import Future
 
 from orientd.daemon.device import AT_ONCE
-from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
-from orientd.daemon.planners.task import Planned, RecordFile, Rest, Task
+from orientd.daemon.planners import reporting
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.daemon.planners.task import PlanCall, PlanInput, Planned, RecordFile, Rest, Task
 from orientd.daemon.planners.worker import Worker
 from orientd.planner import HISTORY, State, rows_of, start_of
-from orientd.protocol import from_request
+from orientd.protocol.motion import from_request
 
 
 class DirectPlanners:

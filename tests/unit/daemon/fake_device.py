@@ -12,7 +12,8 @@ from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault
 from orientd.planner import DEFAULT_LIMITS
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import CYCLE_RECORD, UNKNOWN, Command, Cycle, ServoState, SharedMemory
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import CYCLE_RECORD, UNKNOWN, Command, Cycle, ServoState
 
 STATISTICS = pb.MotionStatistics(cycles=7, lateness=pb.Durations(), work=pb.Durations())
 """The measurements of every motion."""

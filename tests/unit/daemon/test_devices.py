@@ -28,7 +28,7 @@ from orientd.errors import (
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
-from orientd.stream import Command, ServoState
+from orientd.stream.records import Command, ServoState
 
 SECOND = 1_000_000_000
 MOTION = MotionRequest([Keyframe(tuple(exp([0.0, 0.0, angle]))) for angle in (0.0, 0.1)])

@@ -9,7 +9,7 @@ from fake_device import cycle
 from orientd.daemon.device import EventKind
 from orientd.daemon.device.endings import Endings
 from orientd.daemon.device.queued_motion import QueuedMotion
-from orientd.stream import CycleFlag, ServoState
+from orientd.stream.records import CycleFlag, ServoState
 
 ARRIVING = dataclasses.replace(cycle(5, motion=3), flags=CycleFlag.ARRIVING)
 

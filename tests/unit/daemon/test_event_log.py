@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from orientd.daemon.device import DeviceEvent, EventKind, QueuedMotion
-from orientd.daemon.observe import EventLog
+from orientd.daemon.observe.journal import EventLog
 from orientd.protocol import control_pb2 as pb
 
 DIED, READY = EventKind.SERVO_DIED, EventKind.READY

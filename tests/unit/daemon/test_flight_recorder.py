@@ -10,7 +10,8 @@ from orientd import config
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import flight_recorder as module
 from orientd.daemon.observe.journal import Journal
-from orientd.stream import CYCLE_RECORD, RecordRing
+from orientd.stream.records import CYCLE_RECORD
+from orientd.stream.ring import RecordRing
 
 pytest.importorskip("mcap")
 

@@ -6,8 +6,9 @@ from direct_planners import recorded
 
 from orientd import planner, rotation
 from orientd.daemon.device.meter import Histogram, MotionMeter
-from orientd.recorder import CYCLES
-from orientd.stream import CYCLE_RECORD, CycleFlag, RecordRing, ServoState
+from orientd.recorder.columns import CYCLES
+from orientd.stream.records import CYCLE_RECORD, CycleFlag, ServoState
+from orientd.stream.ring import RecordRing
 
 PERIOD = 0.002
 FIRST = 700  # index in the path ring

@@ -11,8 +11,10 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import LateError, NotYetError
-from orientd.servo import TAIL_WORD, records_to_stop
-from orientd.stream import PATH_FLOATS, Command, ServoState, SharedMemory
+from orientd.servo.path.path_follower import TAIL_WORD
+from orientd.servo.path.time_scaling import records_to_stop
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import PATH_FLOATS, Command, ServoState
 
 PERIOD = 0.002
 

@@ -13,7 +13,7 @@ from orientd.daemon.device import MoveOptions, QueuedMotion
 from orientd.daemon.planners import reporting
 from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import CycleFlag, ServoState, record_index
+from orientd.stream.records import CycleFlag, ServoState, record_index
 
 SETTINGS = config.default_settings().devices["arm"]
 

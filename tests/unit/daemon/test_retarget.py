@@ -13,12 +13,12 @@ from orientd.daemon.device import retarget
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.retarget import ReplanningHorizon, Retargeting
-from orientd.daemon.planners import PlanInput, record_at_rest
+from orientd.daemon.planners.task import PlanInput, record_at_rest
 from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import ZERO
 from orientd.errors import LateError, LimitError
 from orientd.planner import Keyframe, Limits, MotionRequest
-from orientd.stream import Command, ServoState
+from orientd.stream.records import Command, ServoState
 
 PERIOD = 0.002
 LIMITS = {"velocity": 2.0, "acceleration": 8.0, "jerk": 80.0}

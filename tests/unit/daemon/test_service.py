@@ -13,8 +13,8 @@ from fake_device import FakeServo, servo_of
 from orientd import config
 from orientd.clock import ManualClock
 from orientd.config import Role
-from orientd.daemon.access import Caller, Identity
-from orientd.daemon.calls import Service
+from orientd.daemon.access.identity import Caller, Identity
+from orientd.daemon.calls.service import Service
 from orientd.daemon.devices import Devices
 from orientd.errors import LeaseError, RequestError, UnknownNameError
 from orientd.protocol import control_pb2 as pb

@@ -12,7 +12,7 @@ from harness import until
 from orientd.config import DeviceSettings
 from orientd.daemon.device.servo_process import ANSWER_TIMEOUT, ServoProcess
 from orientd.errors import DaemonError, Fault, StateError
-from orientd.stream import Command, ServoLimits, ServoState
+from orientd.stream.records import Command, ServoLimits, ServoState
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from orientd.config import AccessSettings
-from orientd.daemon.access import RolePolicy
+from orientd.daemon.access.identity import RolePolicy
 from orientd.daemon.stops import StopFolder
 from orientd.errors import DaemonError
 

@@ -18,7 +18,7 @@ from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.driver import PartHealth
 from orientd.errors import ConfigError, Fault
 from orientd.own_socket import MOST_CLIENTS
-from orientd.stream import Cycle, CycleFlag, ServoState
+from orientd.stream.records import Cycle, CycleFlag, ServoState
 
 pytest.importorskip("prometheus_client")
 

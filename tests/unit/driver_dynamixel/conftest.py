@@ -11,9 +11,10 @@ from emulated_dynamixel import MODELS, Bus, EmulatedServo, SerialLine, VirtualPo
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.planner.recorded import joint_rates
-from orientd.servo import Servo as ServoLoop
-from orientd.servo import WatchdogTimeouts
-from orientd.stream import JOINTS, SharedMemory
+from orientd.servo.servo import Servo as ServoLoop
+from orientd.servo.watchdog import WatchdogTimeouts
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import JOINTS
 
 MS = 1_000_000
 

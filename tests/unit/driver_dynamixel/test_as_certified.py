@@ -13,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 from orientd import motion_file
 from orientd.daemon.device import servo_process
 from orientd.planner import DevicePlanner, Limits, State
-from orientd.stream import Answer, Command, ServoState
+from orientd.stream.records import Answer, Command, ServoState
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
 TICKS = 4096 / math.tau

@@ -12,7 +12,7 @@ from orientd import motion_file, rotation
 from orientd.daemon.device import servo_process
 from orientd.errors import Fault, PlanError
 from orientd.planner import DevicePlanner, Keyframe, MotionRequest, State
-from orientd.stream import Command, ServoState
+from orientd.stream.records import Command, ServoState
 from orientd.tolerances import GUARD_TOLERANCE
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))

@@ -11,7 +11,7 @@ from watched_gimbal import DEGREE, SLACK, TURN, Watched, turning
 
 from emulated_dynamixel import FaultKind, Lie, ReplyFault
 from orientd.errors import DeviceFaultError, Fault
-from orientd.stream import Answer, Command, ServoState
+from orientd.stream.records import Answer, Command, ServoState
 
 CASES = int(os.environ.get("ORIENTD_CASES", "6"))
 

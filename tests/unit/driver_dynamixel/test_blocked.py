@@ -8,7 +8,7 @@ from rig import PERIOD, TERMS
 from watched_gimbal import DEGREE, Watched, turning
 
 from orientd.errors import Fault
-from orientd.stream import Answer, Command, CycleFlag, ServoState
+from orientd.stream.records import Answer, Command, CycleFlag, ServoState
 
 AXES = [{"id": k, "limits_deg": [-179, 179]} for k in (1, 2, 3)]
 

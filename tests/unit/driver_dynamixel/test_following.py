@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd.rotation import angle, exp
-from orientd.stream import NOT_GIVEN, Command, ServoLimits, ServoState
+from orientd.stream.records import NOT_GIVEN, Command, ServoLimits, ServoState
 
 AXES = [
     {"id": k + 1, "name": name, "limits_deg": [-reach, reach], "velocity_deg": 220,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd.errors import LimitError
-from orientd.mechanism import route
+from orientd.mechanism.routing import route
 from orientd.rotation import angle, exp, multiply
 from orientd_dynamixel.options import parse
 

@@ -8,7 +8,7 @@ from reference.wire import TORQUE, WireReader
 
 from emulated_dynamixel import FaultKind, ReplyFault
 from orientd.errors import Fault
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 DEGREE = 4096 / 360
 PERIOD = 0.002

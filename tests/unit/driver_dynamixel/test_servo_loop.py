@@ -8,7 +8,7 @@ from rig import PERIOD
 
 from emulated_dynamixel import FaultKind, ReplyFault
 from orientd.errors import Fault
-from orientd.stream import Answer, Command, ServoState
+from orientd.stream.records import Answer, Command, ServoState
 
 
 @pytest.fixture

@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from orientd.clock import ManualClock
-from orientd.servo import KeepOutCones, Servo, WatchdogTimeouts
-from orientd.stream import (
+from orientd.servo.keep_out_cones import KeepOutCones
+from orientd.servo.servo import Servo
+from orientd.servo.watchdog import WatchdogTimeouts
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import (
     NOT_GIVEN,
     Command,
     NoteKind,
     ServoLimits,
     ServoState,
-    SharedMemory,
     unpack_note,
 )
 from orientd_loopback import LoopbackDriver

@@ -10,7 +10,7 @@ import pytest
 from orientd.clock import ManualClock
 from orientd.errors import LimitError, PlanError
 from orientd.floats import exp, log, multiply
-from orientd.mechanism import route
+from orientd.mechanism.routing import route
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import rotate
 from orientd_ur import UrDriver

@@ -10,8 +10,8 @@ from arm_rig import ArmRig
 
 from orientd.floats import difference, exp, multiply, norm, rotate
 from orientd.keep_out import KeepOut
-from orientd.mechanism import refusal
-from orientd.stream import ServoState
+from orientd.mechanism.foresight import refusal
+from orientd.stream.records import ServoState
 from orientd_ur.arm import MODELS
 
 CASES = int(os.environ.get("ORIENTD_CASES", "2"))

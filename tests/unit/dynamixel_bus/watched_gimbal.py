@@ -6,7 +6,7 @@ import numpy as np
 from rig import PERIOD
 
 from orientd.floats import exp, multiply
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 TURN = 4096
 DEGREE = TURN / 360

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from orientd.errors import OrientdError
-from orientd.protocol import STALE, quaternion
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.reports import STALE
+from orientd.protocol.values import quaternion
 from orientd_fleet.cell_view import CellView, lines
 from orientd_fleet.overview import Member
 

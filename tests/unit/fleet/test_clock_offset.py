@@ -1,6 +1,6 @@
 import random
 
-from orientd.client import DRIFT
+from orientd.client.daemon_clock import DRIFT
 from orientd.clock import ManualClock
 from orientd_fleet.client import ClockOffset
 

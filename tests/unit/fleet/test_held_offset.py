@@ -1,6 +1,6 @@
 """The offset by which a recording shifts a daemon's times."""
 
-from orientd.client import Offset
+from orientd.client.daemon_clock import Offset
 from orientd_fleet.recording import kept_offset
 
 

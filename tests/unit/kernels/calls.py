@@ -12,7 +12,7 @@ from orientd.errors import OrientdError
 from orientd.kernels import turn_sizes
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, states_between
 from orientd.planner.certify.brake import brake_rate
-from orientd.planner.connect import try_joins
+from orientd.planner.connect.connector import try_joins
 from orientd.rotation import exp, multiply
 
 LIMITS = Limits(2.0, 8.0, 200.0, 1.0, 10.0)

@@ -10,7 +10,7 @@ from orientd.driver import AxisLimits, Driver
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError, StartError
 from orientd.mechanism import Gimbal, Mechanism, Reserve
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
-from orientd.planner.certify import joint_brake
+from orientd.planner.certify.joints import joint_brake
 from orientd.rotation import exp, multiply
 
 PERIOD = 0.004

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from orientd.driver import ZERO, AxisLimits
-from orientd.mechanism import Following, Gimbal
+from orientd.mechanism import Gimbal
+from orientd.mechanism.following import Following
 from orientd.rotation import angle, exp, from_euler
 
 PERIOD = 0.01

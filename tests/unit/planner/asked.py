@@ -4,7 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from orientd.model import read_request
+from orientd.model.reading import read_request
 from orientd.planner import DEFAULT_LIMITS, State, plan
 
 FOLDER = Path(__file__).parents[2] / "data" / "requests"

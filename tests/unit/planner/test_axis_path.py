@@ -8,9 +8,10 @@ import pytest
 from orientd import load_motion, planner
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, OrientdError
-from orientd.mechanism import Figure, JointPath
+from orientd.mechanism.figure import Figure
+from orientd.mechanism.joint_path import JointPath
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.certify import joint_brake
+from orientd.planner.certify.joints import joint_brake
 from orientd.planner.recorded import joint_rates
 from orientd.rotation import angle, exp, multiply
 

@@ -9,7 +9,7 @@ from reference.differences import certified as extremes
 from reference.differences import differences
 
 from orientd.errors import OrientdError
-from orientd.model import DEFAULT_LIMITS, Limits
+from orientd.model.limits import DEFAULT_LIMITS, Limits
 from orientd.planner import Keyframe, MotionRequest, State, plan, states_between
 from orientd.planner.facts import HISTORY
 from orientd.rotation import exp, multiply

@@ -11,8 +11,8 @@ from orientd.curves import METHODS
 from orientd.errors import PlanError
 from orientd.planner import Keyframe, MotionRequest, State, plan
 from orientd.planner.path import PositionPath
-from orientd.planner.timing import KeyframePath, corners
-from orientd.planner.timing.profiles import profiles, retimed
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.profiles import corners, profiles, retimed
 from orientd.rotation import angle
 
 CORNERED = ("piecewise_slerp", "squad", "circular_blending", "shoemake_bezier", "nielson_shieh")

@@ -9,8 +9,9 @@ from reference.survey import coarse_factor, factor_of_records
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.job import PlanJob
-from orientd.planner.timing import Knots, even
+from orientd.planner.timing import even
 from orientd.planner.timing.even import pace_of
+from orientd.planner.timing.knots import Knots
 from orientd.rotation import normalize
 
 ARM = LIMITS["arm"]

@@ -9,10 +9,10 @@ from reference import differences as reference
 from reference.aims import retarget
 from reference.differences import certified
 
-from orientd.model import ANGULAR
+from orientd.model.limits import ANGULAR
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
-from orientd.planner.certify import measure
 from orientd.planner.certify.brake import brake_rate
+from orientd.planner.certify.measuring import measure
 from orientd.rotation import exp, multiply
 
 PERIOD = 0.002

@@ -5,8 +5,8 @@ import pytest
 
 from orientd.planner.keep_out.clearance import rates_between
 from orientd.rotation import exp, multiply
-from orientd.servo import Segment, point_of
-from orientd.stream import JOINTS
+from orientd.servo.path.segment import Segment, point_of
+from orientd.stream.records import JOINTS
 
 PERIOD = 0.002
 SHARES = np.linspace(0.0, 0.9999, 100)

@@ -10,7 +10,7 @@ from orientd.driver import ZERO
 from orientd.planner import Limits, MotionRequest, plan
 from orientd.rotation import angle, conjugate, rotate
 from orientd.servo.guard import Guard
-from orientd.stream import ServoLimits
+from orientd.stream.records import ServoLimits
 
 TOLERANCE = 1.0 + 1e-6
 

@@ -5,7 +5,7 @@ import pytest
 from planned import LIMITS, PERIOD, differences, rotations, vector
 
 from orientd.errors import PlanError
-from orientd.model import is_still
+from orientd.model.limits import is_still
 from orientd.planner import Limits, State
 from orientd.planner.connect.connector import connector
 from orientd.planner.connect.leads import approach, approach_cycles, from_rest, lead_out

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, random_motions, times_of
 
-from orientd.stream import PATH_FLOATS
+from orientd.stream.records import PATH_FLOATS
 
 MOTIONS = random_motions(77, 4, LIMITS["arm"])
 MOTION = MOTIONS[0]

@@ -6,7 +6,7 @@ from scipy.interpolate import make_interp_spline
 
 from orientd import rotation
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.connect import position_lead
+from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.path.position import PositionPath, position_path
 
 RANDOM = np.random.default_rng(11)

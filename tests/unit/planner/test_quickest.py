@@ -11,11 +11,13 @@ from planned import LIMITS, PERIOD, anywhere, differences, random_request, rotat
 from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.certify import before, measure
+from orientd.planner.certify.measuring import measure
+from orientd.planner.certify.summary import before
 from orientd.planner.job import PlanJob
 from orientd.planner.path.path import Path
 from orientd.planner.path.position import PositionPath
-from orientd.planner.timing import KeyframePath, quickest
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.profiles import quickest
 from orientd.rotation import exp, multiply
 from orientd.tolerances import GUARD_TOLERANCE
 

@@ -14,7 +14,7 @@ import orientd
 from orientd import plots
 from orientd.driver import AxisLimits
 from orientd.errors import OrientdError, RequestError
-from orientd.mechanism import JointPath
+from orientd.mechanism.joint_path import JointPath
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, reshaped
 from orientd.rotation import Quaternion, angle
 

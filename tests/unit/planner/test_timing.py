@@ -6,8 +6,8 @@ from planned import LIMITS, anywhere, random_request
 
 from orientd.errors import RequestError
 from orientd.planner import Keyframe, MotionRequest, State, plan
-from orientd.planner.timing import chord_knots
 from orientd.planner.timing.even import shortest
+from orientd.planner.timing.knots import chord_knots
 from orientd.rotation import exp
 
 ARM = LIMITS["arm"]

@@ -8,7 +8,7 @@ import pytest
 from orientd import motion_file
 from orientd.errors import LimitError, PlanError, RequestError
 from orientd.planner import Limits, State, plan
-from orientd.protocol import from_request, to_request
+from orientd.protocol.motion import from_request, to_request
 from orientd.rotation import conjugate, exp, log, multiply, rotate
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)

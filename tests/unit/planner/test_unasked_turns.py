@@ -7,7 +7,7 @@ import pytest
 
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
-from orientd.planner.connect import turn_to_stop
+from orientd.planner.connect.connector import turn_to_stop
 from orientd.rotation import angle, between, exp, log
 
 PERIOD = 0.002

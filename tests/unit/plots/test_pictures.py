@@ -146,19 +146,11 @@ def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
     assert (lightness < 0.32).sum() == len(faces) * 6
 
 
-@pytest.mark.parametrize(
-    "draw",
-    [
-        lambda path: plots.draw_triads_alone(path, traces(), title="triads"),
-        lambda path: plots.draw_rates_alone(path, traces(), title="rates"),
-        lambda path: plots.draw_bodies_alone(
-            path, traces(), np.cumsum(traces().omega_body, axis=0) * 1e-3, title="body"
-        ),
-    ],
-)
-def test_parts_of_a_picture_can_be_drawn_alone(tmp_path, draw):
+@pytest.mark.parametrize("part", ["triads", "rates", "body"])
+def test_parts_of_a_picture_can_be_drawn_alone(tmp_path, part):
     path = tmp_path / "part.svg"
-    draw(path)
+    positions = np.cumsum(traces().omega_body, axis=0) * 1e-3
+    plots.draw_part(path, traces(), part, title=part, positions=positions)
     assert path.stat().st_size > 5_000
 
 

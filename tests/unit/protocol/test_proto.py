@@ -8,7 +8,7 @@ import pytest
 from google.protobuf import descriptor_pb2
 
 from orientd.protocol import control_pb2
-from orientd.stream import ServoState
+from orientd.stream.records import ServoState
 
 ROOT = Path(__file__).parents[3]
 PROTO = "orientd/protocol/control.proto"

@@ -6,7 +6,8 @@ import pytest
 from orientd.cli import output
 from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import plain, samples, word
+from orientd.protocol import plain
+from orientd.protocol.reports import samples, word
 from orientd.protocol.values import quaternion, vector
 
 

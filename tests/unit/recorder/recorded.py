@@ -8,7 +8,7 @@ from mcap_ros2.decoder import DecoderFactory as Ros2DecoderFactory
 
 from orientd import rotation
 from orientd.recorder.columns import CYCLES, SCHEMA_NAME
-from orientd.stream import CycleFlag, ServoState
+from orientd.stream.records import CycleFlag, ServoState
 
 RATE_HZ = 500.0
 OFFSET_NS = 1_700_000_000_000_000_000

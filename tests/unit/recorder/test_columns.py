@@ -17,7 +17,7 @@ from orientd.recorder.columns import (
     schema,
     to_messages,
 )
-from orientd.stream import CYCLE_RECORD, CycleFlag, ServoState, unpack_cycle
+from orientd.stream.records import CYCLE_RECORD, CycleFlag, ServoState, unpack_cycle
 
 PAIRS = (
     ("sent_q", "q"),

@@ -11,8 +11,8 @@ from mcap.writer import CompressionType, Writer
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording
 from orientd.recorder.mcap_file import LARGEST_CHUNK, Damages, records
+from orientd.recorder.reader import load_recording
 from orientd.recorder.writer import RecordingError, RecordingWriter
 from orientd_replay import read_orientations
 

@@ -7,9 +7,9 @@ import pytest
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording
 from orientd.recorder.earlier import cycles_of
-from orientd.stream import ServoState
+from orientd.recorder.reader import load_recording
+from orientd.stream.records import ServoState
 from orientd_replay import read_orientations
 
 FILES = sorted((Path(__file__).parents[2] / "data" / "recordings").glob("*.mcap"))

@@ -14,7 +14,8 @@ from orientd.daemon.device.cycle_memory import CycleMemory
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import flight, reader
 from orientd.recorder.writer import RecordingError
-from orientd.stream import CYCLE_RECORD, RecordRing
+from orientd.stream.records import CYCLE_RECORD
+from orientd.stream.ring import RecordRing
 
 
 class Servo:

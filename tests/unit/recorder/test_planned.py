@@ -6,7 +6,7 @@ from recorded import RATE_HZ, moving
 
 from orientd import rotation
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import marks, planned_orientations
+from orientd.recorder.planned import marks, planned_orientations
 from orientd.recorder.reader import Recording
 
 OMEGA = np.array([0.3, -0.2, 0.5])

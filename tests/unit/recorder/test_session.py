@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from recorded import OFFSET_NS, RATE_HZ, decoded, moving
 
-from orientd.client import Configuration
+from orientd.client.observer import Configuration
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import DaemonRecorder, LiveRecording, RecordingSession, load_recording
+from orientd.recorder.reader import load_recording
+from orientd.recorder.session import DaemonRecorder, LiveRecording, RecordingSession
 from orientd.recorder.writer import RecordingError, RecordingWriter
 
 

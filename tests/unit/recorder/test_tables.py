@@ -7,8 +7,10 @@ import pytest
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.errors import Fault
-from orientd.recorder import RecordingWriter, export, load_recording
-from orientd.stream import CycleFlag, ServoState
+from orientd.recorder.reader import load_recording
+from orientd.recorder.tables import export
+from orientd.recorder.writer import RecordingWriter
+from orientd.stream.records import CycleFlag, ServoState
 
 VECTORS = {"omega_body": "_rad_s", "alpha_body": "_rad_s2", "position": "_m"}
 PLAIN = (

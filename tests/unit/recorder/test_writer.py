@@ -15,7 +15,7 @@ from orientd.protocol import control_pb2 as pb
 from orientd.recorder import reader
 from orientd.recorder.columns import COLUMNS, Layout, schema
 from orientd.recorder.writer import RecordingError, RecordingWriter
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 
 ROOT = Path(__file__).parents[3]
 

@@ -10,7 +10,7 @@ import pytest
 
 from orientd import rotation
 from orientd.errors import OrientdError
-from orientd.recorder import RecordingError
+from orientd.recorder.writer import RecordingError
 from orientd_replay import read_orientations
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")

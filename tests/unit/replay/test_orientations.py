@@ -10,7 +10,9 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd import rotation
-from orientd.recorder import RecordingError, RecordingWriter, export, reader
+from orientd.recorder import reader
+from orientd.recorder.tables import export
+from orientd.recorder.writer import RecordingError, RecordingWriter
 from orientd_replay import read_orientations
 
 TIMES = 1000.0 + 0.05 * np.arange(20)

@@ -10,7 +10,7 @@ import pytest
 from command_line import assert_refused, orientd
 
 from orientd import rotation
-from orientd.recorder import RecordingError
+from orientd.recorder.writer import RecordingError
 from orientd_replay import read_orientations
 
 CASES = int(os.environ.get("ORIENTD_CASES", "10"))

@@ -12,8 +12,8 @@ import rig
 from orientd.clock import ManualClock
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import rotate
-from orientd.servo import publish_chunk
-from orientd.stream import Command, Sample, ServoLimits, ServoState
+from orientd.servo.tracking.chunks import publish_chunk
+from orientd.stream.records import Command, Sample, ServoLimits, ServoState
 from orientd_dynamixel import DynamixelDriver
 from orientd_rotctld import pointer as pointer_module
 from orientd_rotctld.pointer import Pointer

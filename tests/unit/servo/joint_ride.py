@@ -6,9 +6,11 @@ from rig import Rig
 
 from orientd import rotation
 from orientd.clock import ManualClock
-from orientd.servo import Servo, WatchdogTimeouts
 from orientd.servo.path.path_follower import PathPart
-from orientd.stream import Answer, Command, ServoState, SharedMemory
+from orientd.servo.servo import Servo
+from orientd.servo.watchdog import WatchdogTimeouts
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import Answer, Command, ServoState
 
 
 class JointRide(Rig):

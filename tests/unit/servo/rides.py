@@ -12,7 +12,7 @@ from orientd.planner import Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.planner.certify.measuring import measure
 from orientd.servo.path.path_follower import PathPart
-from orientd.stream import UNKNOWN, Answer, Command
+from orientd.stream.records import UNKNOWN, Answer, Command
 from orientd.tolerances import GUARD_TOLERANCE
 
 LIMITS = [

@@ -12,9 +12,12 @@ from orientd import rotation
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.keep_out import KeepOut
-from orientd.servo import KeepOutCones, Servo, WatchdogTimeouts
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
-from orientd.stream import (
+from orientd.servo.servo import Servo
+from orientd.servo.watchdog import WatchdogTimeouts
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import (
     JOINTS,
     UNKNOWN,
     Answer,
@@ -22,7 +25,6 @@ from orientd.stream import (
     Cycle,
     NoteKind,
     ServoLimits,
-    SharedMemory,
     unpack_cycle,
     unpack_note,
 )

@@ -8,7 +8,7 @@ from rig import PERIOD_NS, Rig, turn
 from orientd.driver import AxisGap
 from orientd.errors import Fault
 from orientd.servo.device_reports import Arrival
-from orientd.stream import Command, CycleFlag, ServoState
+from orientd.stream.records import Command, CycleFlag, ServoState
 
 DEGREE = math.pi / 180
 WAIT = 500_000_000 // PERIOD_NS

@@ -3,7 +3,8 @@
 import pytest
 from rig import PERIOD_NS, Rig
 
-from orientd.stream import LONGEST_READ_WORD, LONGEST_WRITE_WORD, Command, NoteKind
+from orientd.stream.memory import LONGEST_READ_WORD, LONGEST_WRITE_WORD
+from orientd.stream.records import Command, NoteKind
 
 SECOND = 10**9 // PERIOD_NS
 

@@ -8,7 +8,7 @@ from rig import PERIOD_NS, Rig
 
 from orientd.errors import Fault
 from orientd.servo.process import LARGEST_SHIFT, run_cycles
-from orientd.stream import Command, ServoState
+from orientd.stream.records import Command, ServoState
 
 
 class VirtualTimer:

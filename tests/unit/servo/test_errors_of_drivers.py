@@ -10,7 +10,8 @@ from rig import TERMS, Rig, distance_to_path, peaks, turn
 from orientd import errors
 from orientd.driver import contract
 from orientd.servo.device_reports import CallTimes
-from orientd.stream import Answer, Command, NoteKind, ServoState, SharedMemory, pack_note
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import Answer, Command, NoteKind, ServoState, pack_note
 
 ROWS = re.findall(r"^(``(\w+)``|anything else) +``(\w+)`` +(.*)$", contract.__doc__, re.MULTILINE)
 RAISED = [(getattr(errors, name, ZeroDivisionError), fault, does) for _, name, fault, does in ROWS]

@@ -7,7 +7,7 @@ import pytest
 
 from orientd.driver import AxisLimits
 from orientd.servo.path.feasible_rates import Ahead, Past, allowed, released
-from orientd.stream import ServoLimits
+from orientd.stream.records import ServoLimits
 
 H = 0.002
 ZERO = (0.0, 0.0, 0.0)

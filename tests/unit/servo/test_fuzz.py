@@ -24,7 +24,15 @@ from orientd.daemon.device.queued_motion import QueuedMotion
 from orientd.daemon.device.servo_process import servo_limits_of
 from orientd.errors import LateError, LimitError, NotYetError, PlanError, StateError
 from orientd.planner import HISTORY, Keyframe, Limits, MotionRequest, RecordedMotion, State, rows_of
-from orientd.stream import NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState, unpack_note
+from orientd.stream.records import (
+    NOT_GIVEN,
+    UNKNOWN,
+    Answer,
+    Command,
+    NoteKind,
+    ServoState,
+    unpack_note,
+)
 
 MANY = int(os.environ.get("ORIENTD_FUZZ_EVENTS", "100000"))
 ROUND = 500

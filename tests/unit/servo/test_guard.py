@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
-from orientd.servo.tracking import TargetFollower
-from orientd.stream import ServoLimits
-from orientd.stream.records import LIMIT_FLOATS
+from orientd.servo.tracking.target_follower import TargetFollower
+from orientd.stream.records import LIMIT_FLOATS, ServoLimits
 
 Q = (1.0, 0.0, 0.0, 0.0)
 

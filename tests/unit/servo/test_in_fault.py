@@ -4,7 +4,7 @@ import pytest
 from rig import Rig
 
 from orientd.errors import Fault
-from orientd.stream import Answer, Command, ServoState
+from orientd.stream.records import Answer, Command, ServoState
 
 
 @pytest.fixture

@@ -10,9 +10,8 @@ from scipy.interpolate import CubicHermiteSpline
 from orientd.driver import IDENTITY, AxisLimits, Feedback
 from orientd.errors import Fault
 from orientd.mechanism import Gimbal
-from orientd.servo.path import PathPoint
-from orientd.servo.path.segment import Segment
-from orientd.stream import JOINTS, Answer, Command, ServoState
+from orientd.servo.path.segment import PathPoint, Segment
+from orientd.stream.records import JOINTS, Answer, Command, ServoState
 from orientd.tolerances import GUARD_TOLERANCE
 
 PATH = turn()

@@ -16,7 +16,7 @@ from orientd.mechanism import Gimbal
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import MOST_DRIFT, KeepOutCones
 from orientd.servo.process import ProcessSettings
-from orientd.stream import NOT_GIVEN, Answer, Command, NoteKind, ServoState
+from orientd.stream.records import NOT_GIVEN, Answer, Command, NoteKind, ServoState
 from orientd.sun import Sun
 
 LIMITS = (2.5, 17.0, 8500.0)

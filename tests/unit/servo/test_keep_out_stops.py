@@ -10,8 +10,8 @@ from orientd.keep_out import KeepOut
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.rotation import from_axis_angle, multiply, normalize
 from orientd.servo.keep_out_cones import MOST_DRIFT, KeepOutCones
-from orientd.servo.tracking import Tracker
-from orientd.stream import ServoLimits
+from orientd.servo.tracking.tracker import Tracker
+from orientd.stream.records import ServoLimits
 
 PERIOD = 0.002
 STOPS = 170

@@ -8,8 +8,7 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, turn
 from setpoint_checker import reached
 
 from orientd.errors import Fault
-from orientd.stream import PATH_FLOATS, ServoState
-from orientd.stream.records import PATH_RECORD
+from orientd.stream.records import PATH_FLOATS, PATH_RECORD, ServoState
 
 WILD = (0, 1, 2**31, 2**63, 2**64 - 1)
 FLOATS = (float("nan"), float("inf"), -1e308, 1e-310, 0.0, 3.0)

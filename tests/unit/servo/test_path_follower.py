@@ -10,7 +10,6 @@ from rig import PERIOD, TERMS
 
 from orientd.driver import IDENTITY, ZERO
 from orientd.floats import exp
-from orientd.servo.path import PathPoint
 from orientd.servo.path.path_follower import (
     FINAL_WORD,
     MOST_LEGS,
@@ -19,7 +18,9 @@ from orientd.servo.path.path_follower import (
     PathPart,
     StarvedError,
 )
-from orientd.stream import JOINTS, NO_JOINTS, SharedMemory
+from orientd.servo.path.segment import PathPoint
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import JOINTS, NO_JOINTS
 
 SPEED = 0.5  # rad/s about z
 STEP = SPEED * PERIOD

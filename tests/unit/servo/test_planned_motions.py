@@ -8,7 +8,7 @@ from orientd import rotation
 from orientd.daemon.device import servo_process
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.stream import Answer, Command, ServoState
+from orientd.stream.records import Answer, Command, ServoState
 
 TIGHT = Limits(
     velocity=1.0, acceleration=3.0, jerk=40.0, linear_velocity=0.5, linear_acceleration=5.0

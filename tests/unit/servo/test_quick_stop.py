@@ -8,7 +8,7 @@ from rides import KINDS, SOME_METHODS, Ride, Track, motions, servo_limits_of
 from rig import PERIOD
 from shortest_stop import ShortestStop, bound
 
-from orientd.stream import UNKNOWN, Command, ServoState
+from orientd.stream.records import UNKNOWN, Command, ServoState
 
 MOST = 1.2
 """Times the least, a stop on the path may take."""

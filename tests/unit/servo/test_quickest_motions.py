@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from orientd.daemon.device.servo_process import servo_limits_of
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.stream import Answer, Command, ServoState
+from orientd.stream.records import Answer, Command, ServoState
 
 TIGHT = DEFAULT_LIMITS.with_rates({"velocity": 1.0, "acceleration": 3.0, "jerk": 40.0})
 UNEVEN = DEFAULT_LIMITS.with_rates(

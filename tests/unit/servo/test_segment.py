@@ -3,8 +3,7 @@ import pytest
 
 from orientd import floats
 from orientd.planner import states_between
-from orientd.servo.path import PathPoint
-from orientd.servo.path.segment import Segment, law_between
+from orientd.servo.path.segment import PathPoint, Segment, law_between
 
 PERIOD = 0.002
 

@@ -7,12 +7,7 @@ from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
 from orientd import rotation
 from orientd.errors import Fault, LinkError, SpentLinkError
 from orientd.servo.state_table import TRANSITIONS, Event, advance
-from orientd.stream import (
-    Answer,
-    Command,
-    NoteKind,
-    ServoState,
-)
+from orientd.stream.records import Answer, Command, NoteKind, ServoState
 
 
 @pytest.fixture

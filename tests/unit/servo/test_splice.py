@@ -8,7 +8,7 @@ from rig import PERIOD, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.curves import METHODS
-from orientd.stream import NO_JOINTS, Answer, Command, ServoState
+from orientd.stream.records import NO_JOINTS, Answer, Command, ServoState
 
 PATH = turn()
 

@@ -7,8 +7,8 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
 from orientd import rotation
 from orientd.errors import Fault
 from orientd.servo.watchdog import SHORTEST_NS, longest_gap_ns
-from orientd.stream import (
-    GIVEN_UP_WORD,
+from orientd.stream.memory import GIVEN_UP_WORD
+from orientd.stream.records import (
     NOT_GIVEN,
     UNKNOWN,
     Answer,

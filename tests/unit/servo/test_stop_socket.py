@@ -9,7 +9,7 @@ import pytest
 from rig import Rig, peaks, turn
 
 from orientd.servo.stop_socket import HEARD, StopSocket
-from orientd.stream import Command, ServoState, Stop
+from orientd.stream.records import Command, ServoState, Stop
 
 OURS = {"users": [os.getuid()], "groups": []}
 NOBODY = {"users": [], "groups": []}

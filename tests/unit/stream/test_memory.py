@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from orientd.stream import SharedMemory
+from orientd.stream.memory import SharedMemory
 
 
 def test_memory_that_is_not_to_be_had_is_refused_at_once():

@@ -5,8 +5,9 @@ import time
 
 import pytest
 
-from orientd.stream import NO_JOINTS, RecordRing, ServoState, SharedMemory
-from orientd.stream.records import CYCLE_RECORD, PATH_FLOATS, unpack_cycle
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import CYCLE_RECORD, NO_JOINTS, PATH_FLOATS, ServoState, unpack_cycle
+from orientd.stream.ring import RecordRing
 
 LAYOUT = struct.Struct(f"@Q{PATH_FLOATS}d")
 CAPACITY = 64

@@ -6,7 +6,7 @@ import pytest
 from test_words import DEVICE, changed
 
 from orientd.planner import DEFAULT_LIMITS
-from orientd.protocol import limits_to_message
+from orientd.protocol.limits import limits_to_message
 from orientd.viewer.charts import charts_of
 from orientd.viewer.strips import COLUMNS
 

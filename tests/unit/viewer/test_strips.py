@@ -7,7 +7,7 @@ import pytest
 from fake_device import cycle
 
 from orientd.floats import exp
-from orientd.stream import CycleFlag
+from orientd.stream.records import CycleFlag
 from orientd.viewer.strips import COLUMNS, COUNT, SPAN, Strips
 
 PERIOD_NS = 2_000_000

@@ -7,7 +7,8 @@ import pytest
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import limits_to_message, quaternion
+from orientd.protocol import quaternion
+from orientd.protocol.limits import limits_to_message
 from orientd.viewer import words
 
 STATES = [number for number in pb.State.values() if number != pb.STATE_UNSPECIFIED]

@@ -12,7 +12,9 @@ from grpclib.const import Cardinality
 from grpclib.exceptions import GRPCError
 
 from orientd.config import AccessSettings, TcpSettings
-from orientd.daemon.access import Authorization, Listener, Method, connection, listener
+from orientd.daemon.access import connection, listener
+from orientd.daemon.access.authorization import Authorization, Method
+from orientd.daemon.access.listener import Listener
 from orientd.errors import PlanError
 from orientd.protocol import control_pb2 as pb
 

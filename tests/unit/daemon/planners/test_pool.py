@@ -12,14 +12,13 @@ import pytest
 from direct_planners import DirectPlanners
 
 from orientd import config
-from orientd.daemon.planners import PlanCall, PlanInput, Planners, Rank, record_at_rest
-from orientd.daemon.planners.pool import MOST_WAITING
-from orientd.daemon.planners.task import CHUNK, FIRST
+from orientd.daemon.planners.pool import MOST_WAITING, Planners
+from orientd.daemon.planners.task import CHUNK, FIRST, PlanCall, PlanInput, Rank, record_at_rest
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import MOTION_RECORD, DevicePlanner, Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import from_request
+from orientd.protocol.motion import from_request
 from orientd.rotation import exp
 
 SETTINGS = config.default_settings().devices["arm"]

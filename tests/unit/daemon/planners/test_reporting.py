@@ -7,7 +7,8 @@ from orientd import planner
 from orientd.daemon.planners import reporting
 from orientd.errors import RequestError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import samples, to_quaternion, to_vector
+from orientd.protocol import to_quaternion, to_vector
+from orientd.protocol.reports import samples
 
 
 @pytest.fixture(scope="module")

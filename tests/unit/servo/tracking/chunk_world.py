@@ -3,8 +3,8 @@
 from tracking_world import NS, World
 
 from orientd.driver import ZERO
-from orientd.servo.tracking import knots_of
-from orientd.stream import Sample
+from orientd.servo.tracking.chunks import knots_of
+from orientd.stream.records import Sample
 
 
 class ChunkWorld(World):

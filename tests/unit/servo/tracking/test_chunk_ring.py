@@ -10,8 +10,16 @@ from setpoint_checker import reached
 
 from orientd.driver import ZERO
 from orientd.floats import difference, exp, norm
-from orientd.servo import publish_chunk, read_report
-from orientd.stream import CHUNK_POSES, KNOT_FLOATS, Answer, Command, NoteKind, Sample, ServoState
+from orientd.servo.tracking.chunks import publish_chunk, read_report
+from orientd.stream.records import (
+    CHUNK_POSES,
+    KNOT_FLOATS,
+    Answer,
+    Command,
+    NoteKind,
+    Sample,
+    ServoState,
+)
 
 NS = 1_000_000_000
 LIMITS = TERMS

@@ -11,7 +11,7 @@ from tracking_world import NS, angle, servo_limits
 
 from orientd.driver import ZERO
 from orientd.floats import difference, dot, exp, multiply, norm, plus
-from orientd.servo.tracking import Target
+from orientd.servo.tracking.targets import Target
 
 LIMITS = servo_limits(3.75, 25.0, 8500.0)
 GENTLE = servo_limits(2.0, 10.0, 100.0)

@@ -9,7 +9,7 @@ from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import difference, exp, multiply, norm
 from orientd.servo.motion_law import stopping_angle
-from orientd.servo.tracking import Target
+from orientd.servo.tracking.targets import Target
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -100,7 +100,7 @@ def test_a_chunk_ends_where_it_says(count):
 def test_a_chunk_with_positions_ends_where_it_says():
     from rig import TERMS, Rig
 
-    from orientd.stream import NOT_GIVEN, Answer, Command
+    from orientd.stream.records import NOT_GIVEN, Answer, Command
 
     rig = Rig()
     assert rig.ask(Command.ENABLE)[0] is Answer.DONE

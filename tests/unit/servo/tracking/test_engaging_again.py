@@ -6,12 +6,13 @@ from types import SimpleNamespace
 from tracking_world import NS, World, angle, servo_limits
 
 import orientd
-from orientd.client import Anchor, Clutch
+from orientd.client import Clutch
+from orientd.client.clutch import Anchor
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply, plus
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import quaternion, vector
-from orientd.servo.tracking import Target
+from orientd.servo.tracking.targets import Target
 
 TIMES = 1000
 HAND_NS, REPORT_NS = NS // 60, NS // 20

@@ -8,7 +8,7 @@ import pytest
 from chunk_world import ChunkWorld
 from tracking_world import NS, angle, servo_limits
 
-from orientd.client import smoothed_orientations
+from orientd.client.smoothing import smoothed_orientations
 from orientd.floats import exp, multiply, norm
 
 LIMITS = servo_limits(3.75, 25.0, 8500.0)

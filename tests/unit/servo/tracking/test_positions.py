@@ -9,7 +9,7 @@ import pytest
 from rig import PERIOD, TERMS, Rig
 from setpoint_checker import reached
 
-from orientd.stream import NOT_GIVEN, Answer, Command, NoteKind, ServoState
+from orientd.stream.records import NOT_GIVEN, Answer, Command, NoteKind, ServoState
 
 NOWHERE = (1.0, 0.0, 0.0, 0.0)
 ALONG = np.array([0.6, 0.0, 0.8])

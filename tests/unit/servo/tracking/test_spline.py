@@ -9,9 +9,9 @@ from tracking_world import NS, angle
 
 from orientd.driver import ZERO
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
-from orientd.servo.tracking import Knot, knots_of
-from orientd.servo.tracking.quintic import Piece
-from orientd.stream import Sample
+from orientd.servo.tracking.chunks import knots_of
+from orientd.servo.tracking.quintic import Knot, Piece
+from orientd.stream.records import Sample
 
 
 def tumble(t):

@@ -10,7 +10,8 @@ from tracking_world import NS, World, angle, quickest_stop, servo_limits
 
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply, norm, normalize
-from orientd.servo.tracking import Target, Tracker
+from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.tracker import Tracker
 
 LIMITS = [
     servo_limits(2.5, 17.0, 8500.0),

@@ -5,8 +5,9 @@ from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import divided, halt, limits_of, loosened, times
-from orientd.servo.tracking import Target, Tracker
-from orientd.stream import ServoLimits
+from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.tracker import Tracker
+from orientd.stream.records import ServoLimits
 
 NS = 1_000_000_000
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
