@@ -14,7 +14,6 @@ from orientd.cli.command import ConfigFile, DeviceName, device_settings, need_ex
 from orientd.cli.output import LiveLine, Output, is_terminal
 from orientd.cli.parameters import Argument, Option, command
 from orientd.errors import OrientdError
-from orientd.planner import need_backend
 
 _INTERVAL = 5.0
 """Interval between two plain lines, s."""
@@ -61,6 +60,8 @@ def batch(
 
     if jobs == 0 or jobs < -1:
         raise click.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
+    from orientd.planner import need_backend  # `orientd --help` loads this module
+
     need_backend(backend)
     line = LiveLine(sys.stdout) if is_terminal() and not out.as_json else None
     began, shown, done, begun_with = time.monotonic(), -math.inf, 0, 0

@@ -6,6 +6,7 @@ import contextlib
 import math
 import signal
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,7 +14,9 @@ from orientd.cli.command import Commander
 from orientd.cli.installed import OpenGroup
 from orientd.cli.output import Output
 from orientd.cli.parameters import Option
-from orientd_serving.served import Adapter, Served
+
+if TYPE_CHECKING:
+    from orientd_serving.served import Adapter, Served
 
 serve = OpenGroup(
     name="serve", help="Let antenna, MAVLink and astronomy programs control a device."
@@ -46,6 +49,8 @@ def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapt
         out: of the command.
         adapter: opens the adapter of a device.
     """
+    from orientd_serving.served import Served  # `orientd --help` loads this module
+
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, _interrupt)
     with to.connect(f"serve {name}") as robot, Served(robot, to.device) as served:

@@ -139,3 +139,16 @@ def test_a_foreign_recording_without_a_reader_is_one_line(orientd, tmp_path, ent
     assert (result.returncode, result.stderr) == (1, f"orientd: {line}\n")
     assert orientd(*words).returncode == 0
     assert picture.exists()
+
+
+def test_help_names_the_commands_of_packages_and_loads_nothing_that_calculates():
+    code = (
+        "import sys; from orientd.cli.main import app\n"
+        "try: app(['--help'])\n"
+        "except SystemExit: print(sorted({'numpy', 'grpc'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert {"batch", "fleet", "replay", "serve"} <= {
+        word for line in done.stdout.splitlines() for word in line.split()[:1]
+    }
