@@ -42,6 +42,7 @@ class Leases:
         self.holder = holder
         self.beside = beside
         self._connection = connection
+        self._taking = threading.RLock()  # held while the daemon answers; a look does not take it
         self._lock = threading.RLock()
         self._held: list[_Held] = []
 
@@ -72,7 +73,7 @@ class Leases:
         Raises:
             LeaseError: another client holds it, or it was lost since it was last used.
         """
-        with self._lock:
+        with self._taking:
             return self.token(device) or self.acquire([device]).token
 
     def acquire(self, devices: Sequence[str], *, beside: bool = False) -> pb.Lease:
@@ -84,7 +85,7 @@ class Leases:
         request = pb.AcquireLeaseRequest(
             holder=self.holder, devices=devices, beside=beside or self.beside
         )
-        with self._lock:
+        with self._taking:
             return self.keep(
                 self._connection.ask(self._connection.stub.AcquireLease, request).lease
             )
@@ -111,7 +112,7 @@ class Leases:
 
     def release(self, devices: Sequence[str] = ()) -> None:
         """Release the leases of *devices*, by default all; the daemon need not know them."""
-        with self._lock:
+        with self._taking, self._lock:
             released = [
                 held for held in self._held if not devices or set(devices) & set(held.devices)
             ]

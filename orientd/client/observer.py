@@ -132,3 +132,5 @@ class Observer:
                 raise self._connection.explain(error, lost=lost) from error
         finally:
             stream.cancel()
+            with self._lock:
+                self._streams = [one for one in self._streams if one is not stream]

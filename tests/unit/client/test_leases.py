@@ -131,3 +131,25 @@ def test_a_daemon_that_is_gone_costs_the_lease(daemon, leases):
     until_lost(leases)
     with pytest.raises(LeaseError, match="gone"):
         leases.token("arm")
+
+
+def test_who_looks_for_a_lease_does_not_wait_for_the_daemon(daemon, leases):
+    asked, answered, acquire = threading.Event(), threading.Event(), daemon.stub.AcquireLease
+
+    def slow(request):
+        asked.set()
+        answered.wait(10.0)
+        return acquire(request)
+
+    daemon.stub.AcquireLease = slow
+    taking = threading.Thread(target=leases.needed, args=("arm",))
+    taking.start()
+    assert asked.wait(10.0)
+    looks = []
+    looking = threading.Thread(target=lambda: looks.append(leases.is_held("arm")))
+    looking.start()
+    looking.join(5.0)
+    assert looks == [False]
+    answered.set()
+    taking.join()
+    assert leases.is_held("arm")
