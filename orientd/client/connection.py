@@ -37,11 +37,11 @@ class StartAt:
     Attributes:
         monotonic_ns: on the daemon's monotonic clock.
         armed_by: when the call is cancelled if the daemon has not armed the motion by then, s, by
-            :func:`time.monotonic` here.
+            :func:`time.monotonic` here; ``None`` for never.
     """
 
     monotonic_ns: int
-    armed_by: float
+    armed_by: float | None = None
 
 
 class Connection:

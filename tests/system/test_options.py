@@ -77,6 +77,16 @@ def test_a_motion_starts_after_the_delay_that_is_given(daemon, tmp_path):
     assert first.time_ns >= asked_ns + 5_000_000_000
 
 
+def test_a_delay_does_not_depend_on_the_time_of_day(daemon, tmp_path, monkeypatch):
+    file = tmp_path / "there.json"
+    file.write_text(json.dumps({"keyframes": [{"rotation_vector": [0, 0, 0.1]}]}))
+    right = time.time
+    monkeypatch.setattr(time, "time", lambda: right() + 50_000.0)
+    done = told("move", file, "--start-in", "5", "--socket", daemon.socket)
+    assert done["summary"]["outcome"] == "done"
+    assert 0.0 <= done["summary"]["start_lateness"] < 0.1
+
+
 def test_a_queued_motion_is_blended_by_at_most_what_is_given(daemon, tmp_path):
     there, on = tmp_path / "there.json", tmp_path / "on.json"
     there.write_text(json.dumps({"keyframes": [{"rotation_vector": [0, 0, 0]}]}))

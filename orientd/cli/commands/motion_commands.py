@@ -137,6 +137,7 @@ def move(
     """
     from orientd import motion_file
     from orientd.cli import texts
+    from orientd.client.connection import StartAt
     from orientd.protocol.reports import titled
 
     if blend and not queue:
@@ -151,12 +152,17 @@ def move(
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
     with to.connect("move") as robot:
+        start = None
+        if start_in is not None:
+            # The time of day of this machine may not be that of the daemon's.
+            start_ns = time.monotonic_ns() + round(start_in * 1e9)
+            start = StartAt(start_ns + robot.clock_offset.ns)
         handle = robot.move(
             request,
             device=to.device,
             queue=queue,
             blend_tolerance=math.radians(blend),
-            start_time=None if start_in is None else time.time() + start_in,
+            start_time=start,
             on_target=gate,
         )
         plan = handle.plan
