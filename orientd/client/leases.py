@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -111,20 +110,32 @@ class Leases:
         return lease
 
     def release(self, devices: Sequence[str] = ()) -> None:
-        """Release the leases of *devices*, by default all; the daemon need not know them."""
+        """Release the leases of *devices*, by default all; the daemon need not know them.
+
+        Raises:
+            DaemonError: the daemon, or the servo of a motion that the release stops, does not
+                answer.
+        """
         with self._taking, self._lock:
             released = [
                 held for held in self._held if not devices or set(devices) & set(held.devices)
             ]
             self._held = [held for held in self._held if held not in released]
+        problem: OrientdError | None = None
         for held in released:
             held.ended.set()
             if held.lost is None:
                 request = pb.ReleaseLeaseRequest(token=held.token)
-                with contextlib.suppress(OrientdError):
+                try:
                     self._connection.call(
                         self._connection.stub.ReleaseLease, request, timeout=_RELEASE_TIMEOUT
                     )
+                except LeaseError:
+                    pass  # it has ended
+                except OrientdError as error:
+                    problem = error
+        if problem is not None:
+            raise problem
 
     def _find(self, device: str) -> _Held | None:
         found = [held for held in self._held if not device or device in held.devices]

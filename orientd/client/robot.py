@@ -142,7 +142,8 @@ class Robot:
 
     def close(self) -> None:
         """Release the leases, which stops the motions under them, and close the connection."""
-        self._leases.release()
+        with contextlib.suppress(OrientdError):
+            self._leases.release()
         with self._moves_lock:
             moves, self._moves = self._moves, []
         for move in moves:
@@ -336,6 +337,9 @@ class Robot:
 
         Args:
             devices: names of devices; by default every device whose lease is held.
+
+        Raises:
+            DaemonError: the daemon, or the servo of a motion that this stops, does not answer.
         """
         self._leases.release(devices)
 
@@ -348,6 +352,8 @@ class Robot:
 
         Raises:
             AccessError: only administrators may do that.
+            DaemonError: the servo of a motion that this stops does not answer; then no client has the
+                lease.
         """
         self._leases.seize(reason, devices)
 

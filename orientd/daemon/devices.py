@@ -160,6 +160,30 @@ class Devices:
         if stops:
             await asyncio.wait(stops)
 
+    async def end_unowned(self, names: Iterable[str]) -> None:
+        """End every motion of devices whose lease was lost, and wait for the servos' answers.
+
+        A stop that had no answer before is repeated.
+
+        Raises:
+            DaemonError: a servo does not answer.
+        """
+        devices = [self.by_name[name] for name in names]
+        stops = {one.name: one.workers.stops.submit(self._end_unowned, one) for one in devices}
+        await asyncio.wait([asyncio.wrap_future(stop) for stop in stops.values()])
+        silent = {name: str(error) for name, stop in stops.items() if (error := stop.result())}
+        check_answered("stop", silent, [name for name in stops if name not in silent])
+
+    def _end_unowned(self, device: Device) -> OrientdError | None:
+        """End the motions of a device whose lease was lost; return the error if that fails."""
+        for token in {queued.token for queued in device.unfinished() if queued.token}:
+            try:
+                if not self.leases.is_valid(token, device.name):
+                    device.disown(token, "its lease was lost")
+            except OrientdError as error:
+                return error
+        return None
+
     # Life
 
     def launch(self) -> None:

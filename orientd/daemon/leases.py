@@ -208,6 +208,10 @@ class Leases:
         with self._lock:
             return self._check(token, device, owner)
 
+    def is_valid(self, token: str, device: str) -> bool:
+        """Return whether there is a lease of *device* with this *token*."""
+        return any(lease.token == token and device in lease.devices for lease in self.held())
+
     # With the lock held
 
     def _new(self, holder: str, owner: str, name: str, devices: tuple[str, ...]) -> Lease:

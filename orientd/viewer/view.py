@@ -5,6 +5,7 @@ Stop and halt are always possible; everything else needs the lease.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,7 +13,7 @@ from typing import Any
 
 from orientd.client.robot import Robot
 from orientd.client.stop_call import ask_to_stop
-from orientd.errors import LeaseError
+from orientd.errors import LeaseError, OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import samples
 from orientd.viewer import words
@@ -74,7 +75,8 @@ class View:
                 if self._watcher.is_watched:
                     last_page = time.monotonic()
                 elif time.monotonic() - last_page > LONELY:
-                    self._give_up()
+                    with contextlib.suppress(OrientdError):
+                        self._give_up()
         finally:
             self._server.close()
             self._watcher.close()

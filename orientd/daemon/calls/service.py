@@ -509,18 +509,26 @@ class Service:
     async def ReleaseLease(
         self, request: pb.ReleaseLeaseRequest, caller: Caller
     ) -> pb.ReleaseLeaseResponse:
-        """Give the lease back."""
+        """Give the lease back; it is released even if a servo does not answer the stop."""
         lease = self._leases.release(request.token, caller.identity.key)
-        await self._devices.stopped(lease.devices)
+        await self._devices.end_unowned(lease.devices)
         return pb.ReleaseLeaseResponse()
 
     async def SeizeLease(self, request: pb.SeizeLeaseRequest, caller: Caller) -> pb.LeaseResponse:
-        """Take the lease, even if another client holds it."""
+        """Take the lease, even if another client holds it.
+
+        If a servo does not answer the stop of the earlier holder's motion, no client has the lease.
+        """
         who, devices = caller.identity, self._devices.named(request.devices)
         lease = self._leases.seize(
             request.holder, who.key, request.reason, name=who.name, devices=devices
         )
-        await self._devices.stopped(lease.devices)
+        try:
+            await self._devices.end_unowned(lease.devices)
+        except BaseException:
+            with contextlib.suppress(LeaseError):  # lost already
+                self._leases.release(lease.token)
+            raise
         return pb.LeaseResponse(lease=self._lease_message(lease))
 
     def _lease_message(self, lease: Lease) -> pb.Lease:

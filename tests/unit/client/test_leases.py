@@ -19,6 +19,7 @@ class Daemon:
         self.released = []
         self.renewed = threading.Semaphore(0)
         self.failures = []
+        self.refusal = LeaseError("it has expired")
         self.stub = SimpleNamespace(
             AcquireLease=self.acquire,
             RenewLease=self.renew,
@@ -47,7 +48,7 @@ class Daemon:
 
     def release(self, request):
         self.released.append(request.token)
-        raise LeaseError("it has expired")
+        raise self.refusal
 
 
 @pytest.fixture
@@ -105,6 +106,16 @@ def test_a_lease_is_given_back_even_if_the_daemon_knows_better(daemon, leases):
     leases.needed("arm")
     leases.release()
     assert daemon.released == ["t1"]
+    assert not leases.is_held("arm")
+
+
+def test_a_release_whose_stop_has_no_answer_is_an_error(daemon, leases):
+    leases.needed("arm")
+    leases.needed("leg")
+    daemon.refusal = DaemonError("no servo of arm answers the stop")
+    with pytest.raises(DaemonError, match="no servo of arm"):
+        leases.release()
+    assert daemon.released == ["t2", "t1"]
     assert not leases.is_held("arm")
 
 

@@ -16,7 +16,7 @@ from orientd.config import Role
 from orientd.daemon.access.identity import Caller, Identity
 from orientd.daemon.calls.service import Service
 from orientd.daemon.devices import Devices
-from orientd.errors import LeaseError, RequestError, UnknownNameError
+from orientd.errors import DaemonError, LeaseError, RequestError, UnknownNameError
 from orientd.protocol import control_pb2 as pb
 
 SETTINGS = {
@@ -188,3 +188,46 @@ def test_a_following_whose_caller_goes_away_while_it_starts_is_ended(service, de
     asyncio.run(go_away())
     arm.workers.commands.submit(lambda: None).result(10.0)
     assert (servo.asked[0], {*servo.asked[1:]}) == ("track", {"stop"})
+
+
+def moving_and_silent(service, devices):
+    """Return the lease under which the arm moves, whose servo answers no more."""
+
+    async def begin():
+        lease = (await service.AcquireLease(pb.AcquireLeaseRequest(holder="test"), ANA)).lease
+        request = pb.MoveRequest(device="arm", motion=TURN, lease_token=lease.token)
+        moving = service.Move(request, ANA)
+        await anext(moving)
+        servo_of(devices.device("arm")).is_dead = True
+        return lease, moving
+
+    return begin()
+
+
+SILENT = "no servo of arm answers the stop: it may still move .*; told to stop: leg"
+
+
+def test_a_lease_is_not_said_to_be_released_while_its_motion_may_go_on(service, devices):
+    async def release():
+        lease, _ = await moving_and_silent(service, devices)
+        with pytest.raises(DaemonError, match=SILENT):
+            await service.ReleaseLease(pb.ReleaseLeaseRequest(token=lease.token), ANA)
+
+    asyncio.run(release())
+    assert devices.leases.held() == []
+
+
+def test_a_lease_is_not_said_to_be_seized_while_the_motion_of_its_holder_may_go_on(
+    service, devices
+):
+    request = pb.SeizeLeaseRequest(holder="ben", reason="mine")
+
+    async def seize():
+        await moving_and_silent(service, devices)
+        with pytest.raises(DaemonError, match=SILENT):
+            await service.SeizeLease(request, BEN)
+        assert devices.leases.held() == []
+        servo_of(devices.device("arm")).is_dead = False
+        return (await service.SeizeLease(request, BEN)).lease
+
+    assert list(asyncio.run(seize()).devices) == ["arm", "leg"]
