@@ -187,6 +187,7 @@ class Device:
 
     def shutdown(self) -> None:
         """Stop on the path, have the servo end, release everything."""
+        self._servo.is_aborting = True  # a reset that hangs holds the lock
         with self._lock:
             self._closing.set()
             self._servo.end()

@@ -96,6 +96,7 @@ class ServoProcess:
         scheduling: what scheduling the process has got.
         memory_locked: whether its memory is locked.
         health: how the device's parts are, as last heard.
+        is_aborting: whether commands other than stops fail at once instead of waiting.
     """
 
     def __init__(
@@ -132,7 +133,7 @@ class ServoProcess:
         self._explaining, self._stops = explaining, stops
         self._lock = threading.Lock()
         self._ready = threading.Event()
-        self._has_ended = False
+        self._has_ended = self.is_aborting = False
         self._process: subprocess.Popen[bytes] | None = None
         self._memory: SharedMemory | None = None
         self._forget()
@@ -393,7 +394,9 @@ class ServoProcess:
         while (answer := self._take(index, is_awaited=True)) is None:
             now = time.monotonic()
             problem = ""
-            if not self.is_alive:
+            if self.is_aborting and command not in _STOPPING:
+                problem = GOING_DOWN
+            elif not self.is_alive:
                 problem = f"the servo process has ended, it cannot {name}"
             elif now > look:
                 look = now + _LOOK

@@ -10,6 +10,7 @@ import pytest
 from harness import until
 
 from orientd.config import DeviceSettings
+from orientd.daemon.device import Device
 from orientd.daemon.device.servo_process import ANSWER_TIMEOUT, ServoProcess
 from orientd.errors import DaemonError, Fault, StateError
 from orientd.stream.records import Command, ServoLimits, ServoState
@@ -22,11 +23,15 @@ def gate(tmp_path):
 
 
 @pytest.fixture
-def servo(gate):
-    settings = DeviceSettings(
+def settings(gate):
+    return DeviceSettings(
         name="arm", driver="loopback", priority=0, heartbeat_timeout=10.0, stall_timeout=10.0,
         options={"fault_file": str(gate)},
     )  # fmt: skip
+
+
+@pytest.fixture
+def servo(settings):
     servo = ServoProcess(settings, read_ahead=4096, tell=lambda *_: None)
     servo.start()
     yield servo
@@ -125,3 +130,19 @@ def test_a_fault_whose_words_have_not_arrived_is_named_by_its_code(servo, monkey
     monkeypatch.setattr(servo, "newest", lambda: fault)
     with pytest.raises(StateError, match="is fault, not holding: limit_guard; reset it first"):
         servo.commanded()
+
+
+def test_the_end_of_a_daemon_does_not_wait_for_a_reset_that_hangs(settings, gate):
+    device = Device(settings, planners=None, on_event=lambda _: None)
+    device.launch()
+    assert device.wait_ready(60.0)
+    os.mkfifo(gate)
+    resetting = device.workers.commands.submit(device.reset)
+    until(lambda: device._servo._slow is not None, "the reset")
+    ending = device.workers.stops.submit(device.shutdown)
+    with pytest.raises(DaemonError, match="going down"):
+        resetting.result(20.0)
+    with gate.open("w"):
+        gate.unlink()
+    ending.result(20.0)
+    device.workers.close()
