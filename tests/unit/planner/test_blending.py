@@ -196,12 +196,12 @@ def legs(*, has_positions=False, times=(None, None)):
     return first, second
 
 
-def slow_and_quick(tolerance, slow, **options):
+def slow_and_quick(tolerance, slow, timing=None, **options):
     fields = dict(slow)
     keys, following = legs(times=fields.pop("times", (None, None)), **options)
     start = State.at_rest(HERE, PLACES[0])
     first = plan(MotionRequest(keys, **fields), start=start, limits=ARM, period=PERIOD)
-    request = MotionRequest(following, approach=True)
+    request = MotionRequest(following, approach=True, **(timing or {}))
     return first, *blended(first, request, tolerance, earliest=50)
 
 
@@ -228,6 +228,13 @@ def test_a_blend_into_a_quicker_motion_stays_near_both(slow, has_positions, tole
     assert away <= 1.01 * tolerance + 1e-3
     if has_positions:
         assert moved <= 1.01 * tolerance * 0.1 / 0.8 + 1e-4
+
+
+def test_a_blend_into_a_motion_with_an_even_pace_stays_near_both():
+    first, record, second = slow_and_quick(0.02, SLOW["times"], {"pace": "even"})
+    away, _ = off_the_legs(records(first, record, second))
+    assert record < first.record_count - 1
+    assert away <= 1.01 * 0.02 + 1e-3
 
 
 @pytest.mark.parametrize("slow", SLOW)
