@@ -352,8 +352,8 @@ class Robot:
 
         Raises:
             AccessError: only administrators may do that.
-            DaemonError: the servo of a motion that this stops does not answer; then no client has the
-                lease.
+            DaemonError: the servo of a motion that this stops does not answer.  Then no client has
+                the lease.
         """
         self._leases.seize(reason, devices)
 
