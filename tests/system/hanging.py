@@ -25,8 +25,13 @@ class SlowDriver(LoopbackDriver):
 
 _NAME_SERVICE = """
 import pwd, threading
+def hang(uid):
+    from orientd.daemon.access.identity import look_up
+    look_up(uid + 1)  # every thread that looks names up hangs
+    threading.Event().wait()
+
 if {hangs}:
-    pwd.getpwuid = lambda uid: threading.Event().wait()
+    pwd.getpwuid = hang
 """
 
 
