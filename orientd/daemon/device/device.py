@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 from orientd.config import DeviceSettings
 from orientd.daemon.device.cycle_memory import CycleMemory
 from orientd.daemon.device.event import DeviceEvent, EventKind
-from orientd.daemon.device.queue import STOPPED, MotionQueue
+from orientd.daemon.device.queue import STOPPED, MotionQueue, servo_limits_of
 from orientd.daemon.device.queued_motion import AT_ONCE, Ended, MoveOptions, QueuedMotion
 from orientd.daemon.device.retarget import Retargeting
-from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
+from orientd.daemon.device.servo_process import ServoProcess
 from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
 from orientd.daemon.device.target_writer import DeviceAxes, TargetWriter
 from orientd.daemon.leases import Lease, Leases
@@ -384,10 +384,7 @@ class Device:
         self._servo.ask(Command.HALT if is_quickest else Command.STOP)
 
     def _take_stops(self) -> None:
-        """Note by whom the device was stopped without the daemon.
-
-        Looking up the user may take long, and another thread may begin a motion meanwhile.
-        """
+        """Note by whom the device was stopped without the daemon; naming the user may be slow."""
         with self._stops_lock:
             taken = self._servo.stops()
             met = [queued for queued in self.unfinished() if taken and not queued.reason]

@@ -17,8 +17,9 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.device.feeder import BLOCK, MARGIN, Feeder
 from orientd.daemon.device.meter import MotionMeter
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
-from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
+from orientd.daemon.device.servo_process import ServoProcess
 from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
+from orientd.model.limits import Limits
 from orientd.planner.facts import MotionFacts
 from orientd.servo.path.path_follower import TAIL_WORD
 from orientd.servo.path.time_scaling import records_to_stop
@@ -549,3 +550,18 @@ class MotionQueue:
         self._meters.append(meter)
         feeder.begin()
         return posted
+
+
+def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
+    """Return what the servo's guard is to keep."""
+    return ServoLimits(
+        limits.velocity,
+        limits.acceleration,
+        limits.jerk,
+        limits.linear_velocity,
+        limits.linear_acceleration,
+        brake_rate,
+        limits.axis_velocity,
+        limits.axis_acceleration,
+        limits.axis_jerk,
+    )

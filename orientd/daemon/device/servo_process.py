@@ -21,7 +21,6 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.report_directory import report_directory
 from orientd.driver import Explaining, PartHealth, driver_target, python_command, python_version
 from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, NotYetError, StateError
-from orientd.model.limits import Limits
 from orientd.servo.process import ProcessSettings
 from orientd.servo.tracking.target_follower import HELD_WORD
 from orientd.stream.memory import (
@@ -636,18 +635,3 @@ class ServoProcess:
     def fail(self, fault: Fault, failure: str) -> None:
         """Do without a servo from now on."""
         self.fault, self.failure, self.fault_text = fault, failure, failure
-
-
-def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
-    """Return what the servo's guard is to keep."""
-    return ServoLimits(
-        limits.velocity,
-        limits.acceleration,
-        limits.jerk,
-        limits.linear_velocity,
-        limits.linear_acceleration,
-        brake_rate,
-        limits.axis_velocity,
-        limits.axis_acceleration,
-        limits.axis_jerk,
-    )

@@ -11,7 +11,7 @@ from rig import Rig as LoopRig
 from scipy.interpolate import CubicHermiteSpline
 
 from orientd import motion_file
-from orientd.daemon.device import servo_process
+from orientd.daemon.device import queue
 from orientd.planner import DevicePlanner, Limits, State
 from orientd.stream.records import Answer, Command, ServoState
 
@@ -47,7 +47,7 @@ class Watched:
         )  # fmt: skip
         facts = self.motion.facts
         self.first, self.begun = first, len(self.reader.written)
-        self.servo_limits = servo_process.servo_limits_of(facts.limits, facts.brake_rate)
+        self.servo_limits = queue.servo_limits_of(facts.limits, facts.brake_rate)
         answer = self.loop.ask(Command.START, path_index=first, servo_limits=self.servo_limits)
         assert answer == (Answer.DONE, "")
 

@@ -9,7 +9,7 @@ from joint_ride import HALF, KILLED, PAUSE, RANDOM, STOP, disturbed
 from pole_passes import AXES, LIMITS, PERIOD, driver_with, over_the_top
 
 from orientd import motion_file, rotation
-from orientd.daemon.device import servo_process
+from orientd.daemon.device import queue
 from orientd.errors import Fault, PlanError
 from orientd.planner import DevicePlanner, Keyframe, MotionRequest, State
 from orientd.stream.records import Command, ServoState
@@ -185,7 +185,7 @@ def test_no_axis_of_random_gimbals_exceeds_its_limits():
 @pytest.mark.parametrize("miss", [1, 2])
 def test_a_change_of_speed_that_counts_no_axes_is_a_stop_off_the_path_and_a_fault(miss):
     motion, settings = plan_for(motion_file.parse(over_the_top(miss)))
-    blind = servo_process.servo_limits_of(motion.facts.limits, 20.0)
+    blind = queue.servo_limits_of(motion.facts.limits, 20.0)
     speed = np.abs(np.diff(motion.path.joints[:, 0]))
     ride = AxisRide(motion, settings, blind)
     ride.go_to(int(np.argmax(speed)))

@@ -6,7 +6,7 @@ import numpy as np
 from rig import PERIOD, Rig
 
 from orientd import rotation
-from orientd.daemon.device import servo_process
+from orientd.daemon.device import queue
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
@@ -99,7 +99,7 @@ def motions(seed, count, kind, methods=SOME_METHODS):
 
 
 def servo_limits_of(motion):
-    return servo_process.servo_limits_of(motion.limits, motion.certificate.brake_rate)
+    return queue.servo_limits_of(motion.limits, motion.certificate.brake_rate)
 
 
 class Track:

@@ -5,7 +5,7 @@ import pytest
 from rig import PERIOD, Rig
 
 from orientd import rotation
-from orientd.daemon.device import servo_process
+from orientd.daemon.device import queue
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.stream.records import Answer, Command, ServoState
@@ -59,7 +59,7 @@ def lay(rig, motion):
 
 
 def servo_limits_of(motion):
-    return servo_process.servo_limits_of(motion.limits, motion.certificate.brake_rate)
+    return queue.servo_limits_of(motion.limits, motion.certificate.brake_rate)
 
 
 @pytest.mark.parametrize("limits", [DEFAULT_LIMITS, TIGHT], ids=["default", "tight"])
