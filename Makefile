@@ -18,7 +18,7 @@ demo: $(VENV)/.user
 # run next to them at a low priority, and report at the end.  A machine that stands still for some seconds
 # can fail a test of real processes.  So each failed test is repeated once, alone.  If it passes then, the
 # summary counts it as flaky.  Longer tests have the markers of `make soak`, `chaos`, `storm` and `bench`.
-CALCULATES = tests/unit tests/emulated tests/docs orientd adapters drivers sim
+CALCULATES = tests/unit tests/emulated tests/world tests/docs orientd adapters drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 AT_ONCE ?= 3
 

@@ -40,6 +40,7 @@ for folder in (
     "unit/driver_ur",
     "unit/dynamixel_bus",
     "system",
+    "world",
     "chaos",
     "emulated",
     "storm",
@@ -52,6 +53,8 @@ for folder in (
 ):
     sys.path.insert(0, str(Path(__file__).parent / folder))
 
+
+WORLD = pytest.StashKey()
 
 # Whatever a test starts inherits this, so that what is left of a run is known by it.
 os.environ.setdefault("TEST_RUN_OF_ORIENTD", str(os.getpid()))
@@ -76,6 +79,43 @@ def pytest_terminal_summary(terminalreporter, config):
         terminalreporter.section(f"{len(flaky)} flaky: failed at first, passed alone")
         for report in flaky:
             terminalreporter.line(report.nodeid)
+
+
+def pytest_addoption(parser):
+    """Add the options of the world."""
+    parser.addoption("--real", action="store_true", help="run the world's tests as processes")
+    parser.addoption("--seed", default="1", help="seed of the world")
+
+
+def is_virtual(item):
+    """Return whether a test runs in virtual time."""
+    if item is None or item.config.getoption("real"):
+        return False
+    return bool(item.get_closest_marker("world")) and not item.get_closest_marker("real")
+
+
+def pytest_collection_modifyitems(items):
+    """Let the tests of a module that need real processes follow its others."""
+    places = {}
+    for item in items:
+        places.setdefault(item.location[0], len(places))
+    items.sort(key=lambda item: (places[item.location[0]], not is_virtual(item)))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item, nextitem):
+    """Run a test of the world, with its fixtures, in virtual time."""
+    if not is_virtual(item):
+        return None
+    if WORLD not in item.config.stash:
+        from virtual_world import VirtualRunner
+
+        item.config.stash[WORLD] = VirtualRunner(item.config.getoption("seed"))
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    # What a module's fixtures have made in virtual time is of no use in real time.
+    item.config.stash[WORLD].run(item, nextitem if is_virtual(nextitem) else None)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
 
 
 @pytest.hookimpl(trylast=True)

@@ -228,7 +228,6 @@ class System:
 
     def kill_daemon(self):
         self.scheduler.kill(self.daemon.group)
-        asyncio._set_running_loop(None)
         killed, self.daemon = self.daemon, None
         killed.leave()
 

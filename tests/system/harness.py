@@ -65,9 +65,53 @@ def request_of(name: str) -> type[Message]:
     return GetMessageClass(calls[name].input_type)
 
 
+class Machine:
+    """How tests reach processes: here real ones.  A world in virtual time has its own."""
+
+    def start_daemon(self, it: DaemonProcess) -> subprocess.Popen[str]:
+        """Start a daemon and wait until it is ready."""
+        process = subprocess.Popen(
+            [*it.prefix, sys.executable, "-m", "orientd", "run", *it.arguments],
+            stdout=subprocess.PIPE,
+            stderr=it.log,
+            text=True,
+            env={
+                **os.environ,
+                "XDG_STATE_HOME": str(it.folder / "state"),
+                "PYTHONFAULTHANDLER": "1",
+                **it.environment,
+            },
+        )
+        line = process.stdout.readline()
+        if "ready at" not in line:
+            process.kill()
+            process.communicate()
+            raise AssertionError(line, (it.folder / "log").read_text())
+        return process
+
+    def channel(self, socket: Path) -> grpc.Channel:
+        """Return a separate channel: others may still try to reach a dead daemon."""
+        options = [("grpc.use_local_subchannel_pool", 1)]
+        return grpc.insecure_channel(f"unix:{socket}", options=options)
+
+    def is_alive(self, pid: int) -> bool:
+        """Whether a process runs; a zombie does not."""
+        try:
+            return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+        except (FileNotFoundError, ProcessLookupError):
+            return False
+
+    def kill(self, pid: int, number: int) -> None:
+        """Send a signal."""
+        os.kill(pid, number)
+
+
+MACHINE = Machine()
+
+
 def channel_to(socket: Path) -> grpc.Channel:
-    """Return a separate channel: others of this process may still try to reach a dead daemon."""
-    return grpc.insecure_channel(f"unix:{socket}", options=[("grpc.use_local_subchannel_pool", 1)])
+    """Return a channel to a daemon."""
+    return MACHINE.channel(socket)
 
 
 def health(channel: grpc.Channel) -> SimpleNamespace:
@@ -219,21 +263,8 @@ class DaemonProcess:
     def start(self) -> None:
         """Start the daemon and wait until it is ready."""
         self.log = (self.folder / "log").open("ab")
-        self.process = subprocess.Popen(
-            [*self.prefix, sys.executable, "-m", "orientd", "run", *self.arguments],
-            stdout=subprocess.PIPE,
-            stderr=self.log,
-            text=True,
-            env={
-                **os.environ,
-                "XDG_STATE_HOME": str(self.folder / "state"),
-                "PYTHONFAULTHANDLER": "1",
-                **self.environment,
-            },
-        )
+        self.process = MACHINE.start_daemon(self)
         try:
-            line = self.process.stdout.readline()
-            assert "ready at" in line, (line, (self.folder / "log").read_text())
             self.channel = channel_to(self.socket)
             self.stub = control_stub(self.channel)
             self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
@@ -255,7 +286,8 @@ class DaemonProcess:
         if is_stuck:
             self.process.send_signal(signal.SIGABRT)  # it prints the stacks of its threads
             self.process.wait()
-        self.process.stdout.close()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
         self.log.close()
         where = (self.folder / "log").read_text()[-4000:] if is_stuck else ""
         assert not is_stuck, f"the daemon did not end within 30 s: {where}"
@@ -355,11 +387,8 @@ def assert_limits_kept(q: np.ndarray, period: float) -> None:
 
 
 def is_alive(pid: int) -> bool:
-    """Whether a process runs; a zombie does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
+    """Whether a process runs."""
+    return MACHINE.is_alive(pid)
 
 
 def run_first(pid: int) -> None:

@@ -8,6 +8,8 @@ from orientd import rotation
 from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
 
+pytestmark = pytest.mark.world
+
 
 def five_point(q, k, period):
     """Return the body velocity at sample *k* from its four neighbours, of fourth order."""

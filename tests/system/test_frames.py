@@ -15,6 +15,8 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion, to_vector
 from orientd.protocol.reports import samples
 
+pytestmark = pytest.mark.world
+
 CAMERA = """
 [devices.arm.frames.camera]
 tool = {euler = {axes = "y", degrees = [90]}, position = [0, 0, 0.1]}

@@ -13,6 +13,8 @@ from orientd.protocol import control_pb2 as pb
 from orientd_diffusion_policy import RTDEInterpolationController
 from orientd_diffusion_policy.interpolation_controller import KEYS
 
+pytestmark = pytest.mark.world
+
 A, B = [1.4108558893203735, -0.14490126, 2.29686666], [-1.98694757, -0.20934335, -2.12741767]
 """Rotation vectors of a policy that are 46.66 degrees apart; their components change sign."""
 

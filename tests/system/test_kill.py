@@ -69,6 +69,7 @@ def moving_part(sent):
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.world
 def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, moment):
     with DaemonProcess(tmp_path, patience=None) as daemon:
         request = spin(3.0)
@@ -161,6 +162,7 @@ def _shifted(motion, begin):
     return Rest
 
 
+@pytest.mark.world
 def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
     with DaemonProcess(tmp_path, patience=None) as daemon:
         stream = daemon.move(spin(12.0))
@@ -187,6 +189,7 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
         assert last.summary.outcome == pb.OUTCOME_DONE
 
 
+@pytest.mark.world
 def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
     """SIGSTOP: the daemon is there but does nothing; when it goes on, it tells the fault."""
     with DaemonProcess(tmp_path, patience=None) as daemon:

@@ -19,6 +19,8 @@ from orientd.errors import LeaseError, LimitError, RequestError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_vector
 
+pytestmark = pytest.mark.world
+
 Q = orientd.Quaternion
 
 
@@ -98,6 +100,7 @@ def test_a_motion_is_replaced_on_its_way_without_a_step(daemon, robot):
     assert state(robot).fault_text == ""
 
 
+@pytest.mark.real
 def test_the_daemon_moves_devices_without_numpy(process, robot):
     long_turn(robot)
     robot.move([key(0.4, 0, 0), key(0.4, 0.3, 0)], approach=True)

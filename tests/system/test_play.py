@@ -15,6 +15,8 @@ from orientd.errors import OrientdError, RequestError
 from orientd.protocol import to_vector
 from orientd_loopback import read_recording
 
+pytestmark = pytest.mark.world
+
 Q = orientd.Quaternion
 RATE = 30.0
 
@@ -49,6 +51,7 @@ def test_a_chunk_is_played_to_its_last_pose(daemon, robot, before):
     daemon.assert_limits_kept(before)
 
 
+@pytest.mark.real
 def test_chunks_of_a_policy_make_one_motion(daemon, robot, before):
     begin = time.monotonic()
 

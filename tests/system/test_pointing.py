@@ -13,6 +13,8 @@ from orientd import Quaternion, connect, rotation
 from orientd.errors import RequestError, StaleBaseError, StateError
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 MAST = """[devices.arm.frames.mast]
 base = {rotation_vector = [0, 0, 1.5707963267948966]}
 """
@@ -99,6 +101,7 @@ def emulated_base(*options):
     return orientd("sim", "base", *options)
 
 
+@pytest.mark.real
 def test_an_emulated_base_can_be_piped_into_track(process):
     printed = emulated_base("--kind", "vehicle", "--rate", 50, "--seconds", 1, "--seed", 2)
     samples = printed.stdout.splitlines()

@@ -32,6 +32,8 @@ from orientd.protocol.reports import samples
 from orientd.protocol.stub import control_stub
 from orientd.rotation import Quaternion
 
+pytestmark = pytest.mark.world
+
 LEASE_SECONDS = 3.0
 TURNS = [[0, 0, 0], [0.1, 0, 0.3], [0.2, -0.2, 0.4]]
 
@@ -185,6 +187,7 @@ def rest(daemon):
     return device if device.state == pb.STATE_HOLDING else None
 
 
+@pytest.mark.real
 def test_a_client_that_is_killed_stops_its_motion(daemon):
     code = (
         "import sys, time, orientd\n"
@@ -306,6 +309,7 @@ def test_a_disabled_device_does_not_move(robot):
         robot.enable()
 
 
+@pytest.mark.real
 def test_a_call_for_anything_else_is_refused(daemon):
     with pytest.raises(grpc.RpcError) as caught:
         daemon.stub.Move(pb.MoveRequest(lease_token="", device=DEVICE)).next()
@@ -323,6 +327,7 @@ def test_a_call_for_anything_else_is_refused(daemon):
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
 
 
+@pytest.mark.real
 def test_two_hundred_thousand_keyframes_fit_into_a_message(daemon):
     count = 200_000
     columns = pb.KeyframeColumns(quaternions=[1.0, 0.0, 0.0, 0.0] * count, times=range(count))
@@ -334,6 +339,7 @@ def test_two_hundred_thousand_keyframes_fit_into_a_message(daemon):
     assert caught.value.details().startswith("keyframes[0].quaternion: norm must be 1")
 
 
+@pytest.mark.real
 def test_more_than_a_message_holds_is_refused_in_one_line(daemon):
     options = {"name": "x" * (65 * 1024 * 1024)}
     request = pb.PlanRequest(motion=pb.MotionRequest())
@@ -342,6 +348,7 @@ def test_more_than_a_message_holds_is_refused_in_one_line(daemon):
         robot._connection.call(robot._stub.Plan, request)
 
 
+@pytest.mark.real
 def test_looks_are_answered_while_a_motion_is_planned(daemon, robot):
     """Planning holds up neither looks nor the renewal of the lease."""
     rng = np.random.default_rng(1)
@@ -366,6 +373,7 @@ def test_looks_are_answered_while_a_motion_is_planned(daemon, robot):
     assert answers
 
 
+@pytest.mark.real
 def test_no_daemon_is_said_clearly(tmp_path):
     path = tmp_path / "control.sock"
     with pytest.raises(DaemonError) as caught:
@@ -373,6 +381,7 @@ def test_no_daemon_is_said_clearly(tmp_path):
     assert str(caught.value) == f"no daemon answers at {path}; start one with `orientd run`"
 
 
+@pytest.mark.real
 def test_a_daemon_that_goes_away_is_said_clearly(tmp_path):
     with DaemonProcess(tmp_path / "daemon") as process:
         process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
@@ -413,6 +422,7 @@ def test_a_device_without_axes_has_no_outline(robot):
     assert outline == ()
 
 
+@pytest.mark.real
 def test_refused_plans_leave_no_memory(tmp_path):
     with DaemonProcess(tmp_path) as daemon, channel_to(daemon.socket) as channel:
         motion = spin(8000.0)
@@ -428,6 +438,7 @@ def test_refused_plans_leave_no_memory(tmp_path):
         assert resident_kib(daemon.process.pid, "VmHWM") < 256 * 1024
 
 
+@pytest.mark.real
 def test_a_refused_track_leaves_no_thread(robot):
     robot.acquire_lease()
     before = threading.active_count()

@@ -13,6 +13,8 @@ from orientd.errors import LimitError, LimitKind
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import conjugate, log, multiply
 
+pytestmark = pytest.mark.world
+
 RATE = 1.0
 
 

@@ -96,7 +96,11 @@ class Scheduler:
             raise RuntimeError("only a task can wait")
         if until_ns is not None:
             self._put(task, max(until_ns, self.now_ns), woken=False)
-        return self.hub.switch()
+        loop = asyncio._get_running_loop()
+        asyncio._set_running_loop(None)  # of this thread, which all tasks share
+        is_woken = self.hub.switch()
+        asyncio._set_running_loop(loop)
+        return is_woken
 
     def sleep(self, seconds):
         until_ns = self.now_ns + max(0, math.ceil(seconds * 1e9))
@@ -134,6 +138,11 @@ class Scheduler:
             for other in task.joining:
                 self.wake(other)
 
+    @property
+    def is_busy(self):
+        """Whether a task is due at some time."""
+        return bool(self._due)
+
     def stacks(self):
         """Return where every task waits, to find one that does not end."""
         lines = []
@@ -141,6 +150,13 @@ class Scheduler:
             lines.append(f"{task.group}: {task.name}\n")
             lines += traceback.format_stack(task.greenlet.gr_frame)
         return "".join(lines)
+
+    def fail(self, task, problem):
+        """End the wait of a task by an exception."""
+        task.turn += 1
+        task.greenlet.throw(AssertionError(f"{problem}; the tasks wait at\n{self.stacks()}"))
+        if task.is_over:
+            self._of.pop(task.greenlet, None)
 
     def run(self, until_ns):
         """Run the due tasks until an instant, or until none is due."""
@@ -257,6 +273,11 @@ class VirtualLoop(asyncio.BaseEventLoop):
 
     def time(self):
         return self._scheduler.now_ns * 1e-9
+
+    def abandon(self):
+        """Close the loop of a process that was killed."""
+        self._thread_id = None
+        self.close()
 
     def _process_events(self, events):
         pass

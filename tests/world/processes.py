@@ -1,0 +1,234 @@
+"""Processes in virtual time: a daemon or a servo is a group of tasks."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import os
+import signal
+import time
+from types import SimpleNamespace
+
+import grpc
+from channel import CallError
+from direct_planners import DirectPlanners
+from virtual_time import VirtualLoop
+
+from orientd import config
+from orientd.clock import MonotonicClock
+from orientd.config import Role
+from orientd.daemon import server
+from orientd.daemon.access.identity import Caller, Identity
+from orientd.daemon.calls.service import Service
+from orientd.daemon.device import EventKind
+from orientd.daemon.device.servo_process import ServoProcess
+from orientd.daemon.devices import Devices
+from orientd.daemon.workers import Threads
+from orientd.recorder import flight
+from orientd.recorder.writer import RecordingError
+from orientd.servo import process as servo_process
+
+PLANNING = (0.002, 0.05)
+"""Least and most time that a plan takes, s; the seed decides."""
+
+WRITING = 0.3
+"""Time that a file of the flight recorder takes, s."""
+
+_NUMBERS = itertools.count(1)
+
+
+class Process:
+    """A process, with the methods of :class:`subprocess.Popen` that its users call.
+
+    Attributes:
+        group: of its tasks.
+        pid: a number that no real process has.
+    """
+
+    stdin = stdout = stderr = None
+
+    def __init__(self, scheduler, kind):
+        number = next(_NUMBERS)
+        self._scheduler = scheduler
+        self.group, self.pid, self.returncode = f"{kind} {number}", 10_000_000 + number, None
+
+    def poll(self):
+        return self.returncode
+
+    def wait(self, timeout=None):
+        ends = None if timeout is None else time.monotonic() + timeout
+        while self.returncode is None:
+            if ends is not None and time.monotonic() > ends:
+                raise TimeoutError(f"{self.group} has not ended within {timeout} s")
+            self._scheduler.sleep(0.001)
+        return self.returncode
+
+    def communicate(self, *_, timeout=None):
+        self.wait(timeout)
+        return "", ""
+
+    def kill(self):
+        self.send_signal(signal.SIGKILL)
+
+    def terminate(self):
+        self.send_signal(signal.SIGTERM)
+
+    def send_signal(self, number):
+        if self.returncode is not None:
+            return
+        if number == signal.SIGCONT:
+            self._scheduler.thaw(self.group)
+        elif number == signal.SIGSTOP:
+            self._scheduler.freeze(self.group)
+        else:
+            self._receive(number)
+
+    def _receive(self, number):
+        self._scheduler.kill(self.group)
+        self.returncode = -number
+
+
+class Servo(ServoProcess):
+    """The daemon's part of a servo process, which runs in tasks of this process."""
+
+    world = None
+
+    def _begin(self, settings, descriptor):
+        return self.world.start_servo(settings, os.dup(descriptor))
+
+    def _is_stopped(self, process):
+        return self.world.scheduler.is_frozen(process.group)
+
+
+class Planners(DirectPlanners):
+    """Planners that take a moment."""
+
+    timeout = 60.0
+
+    def __init__(self, settings, random):
+        super().__init__(settings)
+        self._random = random
+
+    def start(self):
+        pass
+
+    async def close(self):
+        pass
+
+    async def plan(self, plan_input, call, *, rank=None):
+        await asyncio.sleep(self._random.uniform(*PLANNING))
+        return await super().plan(plan_input, call, rank=rank)
+
+
+def written(_recorder, recorded):
+    """Write a file of the flight recorder, which takes its time."""
+    time.sleep(WRITING)
+    try:
+        return EventKind.RECORDED, str(flight.write(recorded))
+    except (RecordingError, OSError, ValueError) as error:
+        return EventKind.RECORDING_FAILED, str(error)
+
+
+class Daemon(Process):
+    """One run of the daemon: its service and its loop.
+
+    Attributes:
+        is_serving: whether it answers calls.
+        calls: those that run.
+        caller: who calls it.
+    """
+
+    def __init__(self, world, path, socket):
+        super().__init__(world.scheduler, "daemon")
+        self._settings, self._socket = config.load(path), socket
+        self.loop = VirtualLoop(world.scheduler)
+        self.is_serving, self.calls = False, set()
+        identity = Identity("user:0", "root", Role.ADMINISTRATOR)
+        self.caller = Caller(SimpleNamespace(), "unix", identity)
+        self._ending = None
+        world.scheduler.spawn(self._run, "daemon", self.group)
+
+    def _run(self):
+        self.loop.run_until_complete(self._serve())
+        self.loop.close()
+        self.returncode = 0
+
+    async def _serve(self):
+        settings, life = self._settings, Threads(1, "life")
+        self._ending = asyncio.Event()
+        planners = Planners(settings.devices.values(), self._scheduler.random)
+        devices = Devices(settings, planners=planners, clock=MonotonicClock())
+        self.service = Service(
+            devices,
+            keyframes=settings.access.keyframes,
+            socket=self._socket,
+            configuration="",
+            began=time.monotonic(),
+        )
+        await life.run(devices.launch)
+        expiring = asyncio.create_task(server._expire_leases(devices))
+        await life.run(devices.wait_ready, server.READY_TIMEOUT)
+        self.is_serving = True
+        await self._ending.wait()
+        expiring.cancel()
+        await life.run(devices.shutdown)
+        self.service.end_calls()
+        await asyncio.sleep(server.GRACE)
+        self._leave()
+        life.close()
+        devices.close()
+
+    def _receive(self, number):
+        if number in (signal.SIGTERM, signal.SIGINT):
+            self.loop.call_soon_threadsafe(self._ending.set)
+            return
+        super()._receive(number)
+        self.loop.abandon()
+        self._leave()
+
+    def _leave(self):
+        """Let every caller know that it has gone."""
+        self.is_serving = False
+        for call in list(self.calls):
+            call.end(CallError(grpc.StatusCode.UNAVAILABLE, "Socket closed"))
+
+
+class World:
+    """The processes of a test, by their numbers and sockets."""
+
+    def __init__(self, scheduler):
+        self.scheduler = scheduler
+        self._daemons, self._processes, self._parents = {}, {}, {}
+
+    def start_daemon(self, path, socket):
+        daemon = self._daemons[str(socket)] = Daemon(self, path, socket)
+        self._processes[daemon.pid] = daemon
+        return daemon
+
+    def start_servo(self, settings, descriptor):
+        process, parent = Process(self.scheduler, "servo"), self.scheduler.current().group
+        self._processes[process.pid] = process
+        self._parents[process.group] = parent
+
+        def run():
+            process.returncode = servo_process.run(descriptor, settings)
+
+        self.scheduler.spawn(run, process.group, process.group)
+        return process
+
+    def daemon_at(self, socket):
+        """Return the daemon that answers at a socket, or ``None``."""
+        daemon = self._daemons.get(str(socket))
+        return daemon if daemon is not None and daemon.is_serving else None
+
+    def process(self, pid):
+        """Return a process of this world, or ``None``."""
+        return self._processes.get(pid)
+
+    def parent_pid(self):
+        """Return ``getppid`` of a servo: 1 after the end of its daemon."""
+        parent = self._parents[self.scheduler.current().group]
+        is_there = any(
+            one.group == parent and one.returncode is None for one in self._daemons.values()
+        )
+        return os.getpid() if is_there else 1
