@@ -167,7 +167,7 @@ def read(path):
     elif path.suffix == ".npz":
         yield lambda: orientd.load_motion(path).sample([0.1])
     elif path.stem == "motions":
-        yield lambda: [motion_file.loads(one, "one.json") for one in path.open("rb")]
+        yield lambda: [motion_file.loads(one, "one.json") for one in path.read_bytes().splitlines()]
     elif path.suffix in (".yaml", ".json"):
         yield lambda: motion_file.load(path)
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import getpass
 import itertools
 import os
 import signal
@@ -143,7 +144,8 @@ class Daemon(Process):
         self._settings, self._socket = config.load(path), socket
         self.loop = VirtualLoop(world.scheduler)
         self.is_serving, self.calls = False, set()
-        identity = Identity("user:0", "root", Role.ADMINISTRATOR)
+        user = f"user:{os.getuid()}"
+        identity = Identity(user, getpass.getuser(), Role.ADMINISTRATOR)
         self.caller = Caller(SimpleNamespace(), "unix", identity)
         self._ending = None
         world.scheduler.spawn(self._run, "daemon", self.group)

@@ -19,9 +19,8 @@ from rig import PERIOD, Rig
 from setpoint_checker import reached
 
 from orientd import planner, rotation
-from orientd.daemon.device.queue import MotionQueue
+from orientd.daemon.device.queue import MotionQueue, servo_limits_of
 from orientd.daemon.device.queued_motion import QueuedMotion
-from orientd.daemon.device.servo_process import servo_limits_of
 from orientd.errors import LateError, LimitError, NotYetError, PlanError, StateError
 from orientd.planner import HISTORY, Keyframe, Limits, MotionRequest, RecordedMotion, State, rows_of
 from orientd.stream.records import (

@@ -5,7 +5,7 @@ import pytest
 from rig import PERIOD, Rig
 from scipy.spatial.transform import Rotation
 
-from orientd.daemon.device.servo_process import servo_limits_of
+from orientd.daemon.device.queue import servo_limits_of
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.stream.records import Answer, Command, ServoState
