@@ -9,17 +9,19 @@ comma = ,
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test runs calculates check docs follow bench peers lerobot sanitize soak events hours chaos storm standard proto lock clean
+.PHONY: demo test runs lines calculates check docs follow bench peers lerobot sanitize soak events hours chaos storm standard proto lock clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
 # Tests of real processes mostly wait, so several files of them run at once.  Tests that only calculate
-# run next to them at a low priority, and report at the end.  A machine that stands still for some seconds
+# run next to them at a low priority, and report at the end.  Tests of serial lines run afterwards: while
+# all processors are busy, the kernel passes on the bytes of a terminal up to half a second late.  A machine that stands still for some seconds
 # can fail a test of real processes.  So each failed test is repeated once, alone.  If it passes then, the
 # summary counts it as flaky.  Longer tests have the markers of `make soak`, `chaos`, `storm` and `bench`.
 CALCULATES = tests/unit tests/emulated tests/world tests/docs orientd adapters drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
+LINES = tests/drivers/dynamixel $(sort $(wildcard tests/system/test_gimbal*.py))
 AT_ONCE ?= 3
 
 # Repeats the failed tests.  Files that cannot be collected are not repeated.
@@ -30,12 +32,19 @@ CALCULATE = $(BIN)/python -m pytest -o cache_dir=build/calculates $(CALCULATES)
 
 test: check
 	@$(MAKE) --no-print-directory --keep-going --jobs=2 runs calculates; status=$$?; \
-	    echo "Tests that only calculate:"; cat build/calculates.txt; exit $$status
+	    echo "Tests that only calculate:"; cat build/calculates.txt; \
+	    $(MAKE) --no-print-directory lines && exit $$status
 
 runs: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(AT_ONCE) --dist loadfile $(RUNS) || { \
+	$(BIN)/python -m pytest -n $(AT_ONCE) --dist loadfile $(RUNS) $(LINES:%=--ignore=%) || { \
 	    echo "Repeating the failed tests:"; \
-	    $(BIN)/python -m pytest $(RUNS) $(AGAIN); }
+	    $(BIN)/python -m pytest $(RUNS) $(LINES:%=--ignore=%) $(AGAIN); }
+
+# A cache of its own, as for those that only calculate.
+LINE = $(BIN)/python -m pytest -o cache_dir=build/lines $(LINES)
+
+lines: $(VENV)/.dev
+	@$(LINE) -n 2 --dist loadfile || { echo "Repeating the failed tests:"; $(LINE) $(AGAIN); }
 
 calculates: $(VENV)/.dev
 	@mkdir -p build

@@ -196,11 +196,16 @@ class Daemon(Process):
 
 
 class World:
-    """The processes of a test, by their numbers and sockets."""
+    """The processes of a test, by their numbers and sockets.
+
+    Attributes:
+        scheduler: of their tasks.
+        environment: variables of their environment.
+    """
 
     def __init__(self, scheduler):
         self.scheduler = scheduler
-        self._daemons, self._processes, self._parents = {}, {}, {}
+        self._daemons, self._processes, self._parents, self.environment = {}, {}, {}, {}
 
     def start_daemon(self, path, socket):
         daemon = self._daemons[str(socket)] = Daemon(self, path, socket)

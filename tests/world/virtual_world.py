@@ -67,7 +67,8 @@ class Machine(harness.Machine):
         self._world = world
 
     def start_daemon(self, it):
-        os.environ["XDG_STATE_HOME"] = str(it.folder / "state")
+        self._world.environment["XDG_STATE_HOME"] = str(it.folder / "state")
+        os.environ.update(self._world.environment)
         process = self._world.start_daemon(it.config, it.socket)
         while not process.is_serving:
             self._world.scheduler.sleep(0.01)
@@ -113,6 +114,7 @@ def running(world):
         (servo_process, "freeze_garbage", lambda: None),
     ]
     with virtual_time(scheduler), contextlib.ExitStack() as stack:
+        stack.enter_context(mock.patch.dict(os.environ, world.environment))
         for owner, name, value in replaced:
             stack.enter_context(mock.patch.object(owner, name, value))
         yield
