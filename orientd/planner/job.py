@@ -31,6 +31,7 @@ from orientd.planner.timing.profiles import aimed_at
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
+_CALM = 0.5  # share of the acceleration for a curve that a connector joins: it needs the rest
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 
@@ -100,6 +101,12 @@ class PlanJob:
     def calmer(self, share: float) -> PlanJob:
         """Return the same job with quick leads that use a share of acceleration and jerk."""
         return replace(self, is_even=False, limits=self.limits.with_reserve(share), _leads={})
+
+    def with_free_acceleration(self) -> PlanJob:
+        """Return the same job for a curve that does not begin with the device's acceleration."""
+        limits = self.limits.times(acceleration=_CALM)
+        ends = replace(self.ends, alpha_start=None)
+        return replace(self, ends=ends, limits=limits, _leads={})
 
     @property
     def is_taken_over(self) -> bool:

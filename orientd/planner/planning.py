@@ -186,6 +186,11 @@ def _quickest(job: PlanJob, name: str) -> Motion:
         _with_stops(job, name, tried)
     if not request.is_single and (any(job.ends.moves) or tried.best is None):
         _with_rests(job, name, tried)
+    if tried.best is None and job.ends.alpha_start is not None and job.ends.alpha_start.any():
+        # A curve that begins with the acceleration of the device may swing out.  A connector can
+        # take it from there onto another one.
+        freer = partial(_quickest, job.with_free_acceleration(), name)
+        tried.attempt("an acceleration of its own", freer, is_optional=True)
     if tried.best is None:
         raise refusal.of_attempts(tried.refused)
     return tried.best
