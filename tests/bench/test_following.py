@@ -10,9 +10,6 @@ pytestmark = pytest.mark.bench
 
 CASES = 300
 
-KNOWN = {blends: 0.0, chains: 0.01}
-"""Share of requests that may be refused although each of their motions is possible alone."""
-
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("requests", [blends, chains])
@@ -27,8 +24,4 @@ def test_motions_that_follow_one_another_keep_limits_and_tolerances(requests):
         f"joined; largest share of a limit {max(v.largest for v in verdicts):.5f}, of a tolerance "
         f"{max(v.farthest for v in verdicts):.3f}"
     )
-    for problem in problems:
-        print(problem)
-    refused = [problem for problem in problems if "is refused" in problem]
-    assert problems == refused
-    assert len(refused) <= KNOWN[requests] * CASES
+    assert problems == []

@@ -12,3 +12,9 @@ def test_a_sample_keeps_limits_tolerances_and_is_not_refused(requests):
     verdicts = [judged(case) for case in islice(requests(1), 12)]
     assert [verdict.problems for verdict in verdicts] == [[]] * len(verdicts)
     assert sum(verdict.blended + verdict.joined for verdict in verdicts) >= 8
+
+
+@pytest.mark.parametrize("place", [49, 66, 148])
+def test_a_chain_whose_curve_would_swing_out_with_the_device_begins_with_a_connector(place):
+    (case,) = islice(chains(2), place, place + 1)
+    assert judged(case).problems == []
