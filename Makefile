@@ -16,9 +16,10 @@ demo: $(VENV)/.user
 
 # Tests of real processes mostly wait, so several files of them run at once.  Tests that only calculate
 # run next to them at a low priority, and report at the end.  Tests of serial lines run afterwards: while
-# all processors are busy, the kernel passes on the bytes of a terminal up to half a second late.  A machine that stands still for some seconds
-# can fail a test of real processes.  So each failed test is repeated once, alone.  If it passes then, the
-# summary counts it as flaky.  Longer tests have the markers of `make soak`, `chaos`, `storm` and `bench`.
+# all processors are busy, the kernel passes on the bytes of a terminal up to half a second late.
+# A machine that stands still for some seconds can fail a test of real processes.  So each failed test is
+# repeated once, alone.  If it passes then, the summary counts it as flaky.  Longer tests have the markers
+# of `make soak`, `chaos`, `storm` and `bench`.
 CALCULATES = tests/unit tests/emulated tests/world tests/docs orientd adapters drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 LINES = tests/drivers/dynamixel $(sort $(wildcard tests/system/test_gimbal*.py))

@@ -31,19 +31,30 @@ PART = 200
 """Requests of a part."""
 
 _PEAKS = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
-_FIGURES = ("duration", "lead_in", "lead_out", "start_velocity_error", "end_velocity_error",
-            "keyframe_error", "brake_rate", "stop_time", "usual_stop_time")  # fmt: skip
+_FIGURES = (
+    "duration",
+    "lead_in",
+    "lead_out",
+    "start_velocity_error",
+    "end_velocity_error",
+    "keyframe_error",
+    "brake_rate",
+    "stop_time",
+    "usual_stop_time",
+)
 _VECTORS = ("omega_body", "alpha_body", "position")
 RECORD = ("qw", "qx", "qy", "qz", *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"))
 """Columns of the records, in addition to ``row`` and ``record``: setpoints in rad, m and s."""
 
 _PEAK_COLUMNS = [f"{kind}_{name}" for name in _PEAKS for kind in ("peak", "limit")]
-_ROWS = arrow.schema({
-    "row": arrow.int64(),
-    **dict.fromkeys(("name", "outcome", "refusal", "notes"), arrow.string()),
-    "records": arrow.int64(),
-    **dict.fromkeys((*_FIGURES, *_PEAK_COLUMNS), arrow.float64()),
-})  # fmt: skip
+_ROWS = arrow.schema(
+    {
+        "row": arrow.int64(),
+        **dict.fromkeys(("name", "outcome", "refusal", "notes"), arrow.string()),
+        "records": arrow.int64(),
+        **dict.fromkeys((*_FIGURES, *_PEAK_COLUMNS), arrow.float64()),
+    }
+)
 _RECORDS = arrow.schema(
     dict.fromkeys(("row", "record"), arrow.int64()) | dict.fromkeys(RECORD, arrow.float64())
 )
@@ -74,13 +85,16 @@ def plan_file(
         OrientdError: the folder holds another batch, or a file cannot be read or written.
     """
     count = sum(1 for _ in _lines(requests))
-    _check_folder(folder, {
-        "format": 1,
-        "requests": hashlib.sha256(requests.read_bytes()).hexdigest(),
-        "device": json.loads(device.model_dump_json()),
-        "records": has_records,
-        "part": PART,
-    })  # fmt: skip
+    _check_folder(
+        folder,
+        {
+            "format": 1,
+            "requests": hashlib.sha256(requests.read_bytes()).hexdigest(),
+            "device": json.loads(device.model_dump_json()),
+            "records": has_records,
+            "part": PART,
+        },
+    )
     table, firsts = folder / "plans.parquet", range(0, count, PART)
     parts = {first: folder / "parts" / f"{first // PART:06d}.parquet" for first in firsts}
     waiting = [one for one in firsts if not (table.exists() or parts[one].exists())]

@@ -41,11 +41,30 @@ NAMES = {
 _ARGUMENTS = {"set_pos": 2, "reset": 1, "move": 2}
 """Number of words that follow a command."""
 _NOT_SERVED = frozenset("VvUuXxCwLlDdEeBAa3")
-_NAMES_NOT_SERVED = {
-    *("set_level", "get_level", "set_func", "get_func", "set_parm", "get_parm", "set_conf"),
-    *("get_conf", "send_cmd", "dump_conf", "lonlat2loc", "loc2lonlat", "dms2dec", "dec2dms"),
-    *("dmmm2dec", "dec2dmmm", "qrb", "a_sp2a_lp", "d_sp2d_lp", "pause"),
-}
+_NAMES_NOT_SERVED = frozenset(
+    [
+        "set_level",
+        "get_level",
+        "set_func",
+        "get_func",
+        "set_parm",
+        "get_parm",
+        "set_conf",
+        "get_conf",
+        "send_cmd",
+        "dump_conf",
+        "lonlat2loc",
+        "loc2lonlat",
+        "dms2dec",
+        "dec2dms",
+        "dmmm2dec",
+        "dec2dmmm",
+        "qrb",
+        "a_sp2a_lp",
+        "d_sp2d_lp",
+        "pause",
+    ]
+)
 _SHOWN = 40
 """Most characters of a line that a message shows."""
 _UNSERVED = "not served: a device has no levels, functions or parameters"

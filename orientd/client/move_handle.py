@@ -5,12 +5,21 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Protocol
 
 import grpc
 
 from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.protocol import control_pb2 as pb
+
+
+class Stream(Protocol):
+    """The messages of a call, and the end of it."""
+
+    def __iter__(self) -> Iterator[pb.MoveResponse]: ...
+
+    def cancel(self) -> object:
+        """End the call."""
 
 
 class MoveHandle:
@@ -26,7 +35,7 @@ class MoveHandle:
 
     def __init__(
         self,
-        stream: Any,  # noqa: ANN401 - gRPC's call
+        stream: Stream,
         *,
         explain: Callable[..., OrientdError],
         stop: Callable[[int], object],

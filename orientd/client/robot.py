@@ -253,7 +253,7 @@ class Robot:
 
     def _stops_of(self, device: str) -> int:
         """Return how often this client has stopped a device; any device for an empty name."""
-        stops = self._stops.items()
+        stops = list(self._stops.items())  # another thread may stop a device meanwhile
         return sum(count for name, count in stops if not device or name in ("", device))
 
     def pause(self, device: str = "") -> pb.DeviceReport:

@@ -21,15 +21,13 @@ import asyncio
 import contextlib
 import errno
 import os
-import signal
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from unittest import mock
 
-from direct_planners import DirectPlanners
 from emulated_device import EmulatedDevice, EmulatedDriver
+from processes import Planners, Process, of_servos
 from virtual_time import BEGIN_NS, Scheduler, VirtualLoop, virtual_time
 
 from orientd import config
@@ -37,12 +35,10 @@ from orientd.clock import MonotonicClock
 from orientd.daemon import server
 from orientd.daemon.calls.service import Service
 from orientd.daemon.device import EventKind
-from orientd.daemon.device import device as device_module
-from orientd.daemon.device.servo_process import ServoProcess
 from orientd.daemon.devices import Devices
 from orientd.daemon.observe import flight_recorder
 from orientd.errors import OrientdError
-from orientd.servo import process as servo_module
+from orientd.servo import process as servo_process
 
 RATE_HZ = 50.0
 LIMITS = {
@@ -57,76 +53,8 @@ SETTINGS = {
     "recorder": {"seconds": 5.0},
     "devices": {"arm": {"driver": "loopback", "rate_hz": RATE_HZ, "limits": LIMITS}},
 }
-SERVO_PID = 99
-
 CALM_NS = 5_000_000_000
 """Longest time for which a past fault may still have effects."""
-
-
-class EmulatedProcess:
-    """The daemon's handle of a servo process."""
-
-    stdin = None
-
-    def __init__(self, system, group):
-        self.group, self.pid, self.returncode = group, SERVO_PID, None
-        self._system = system
-
-    def poll(self):
-        return self.returncode
-
-    def wait(self, timeout=None):
-        while self.returncode is None:
-            self._system.scheduler.sleep(0.001)
-        return self.returncode
-
-    def end(self, code):
-        self.returncode = code
-
-    def kill(self):
-        self.send_signal(signal.SIGKILL)
-
-    def send_signal(self, number):
-        scheduler = self._system.scheduler
-        if self.returncode is not None:
-            return
-        if number == signal.SIGCONT:
-            scheduler.thaw(self.group)
-        elif number == signal.SIGSTOP:
-            scheduler.freeze(self.group)
-        else:
-            scheduler.kill(self.group)
-            self.returncode = -number
-
-
-class EmulatedServoProcess(ServoProcess):
-    """A servo process that is a group of tasks."""
-
-    system: System = None
-
-    def _begin(self, settings, descriptor):
-        return self.system.start_servo(settings, os.dup(descriptor))
-
-    def _is_stopped(self, process):
-        return self.system.scheduler.is_frozen(process.group)
-
-
-class EmulatedPlanners(DirectPlanners):
-    """Planners that take their time."""
-
-    def __init__(self, settings, random):
-        super().__init__(settings)
-        self._random = random
-
-    def start(self):
-        pass
-
-    async def close(self):
-        pass
-
-    async def plan(self, plan_input, call, *, rank=None):
-        await asyncio.sleep(self._random.choice((0.002, 0.01, 0.03, 0.3)))
-        return await super().plan(plan_input, call, rank=rank)
 
 
 class Daemon:
@@ -162,7 +90,7 @@ class Daemon:
     async def _serve(self):
         system = self.system
         settings = config.parse(SETTINGS, source="emulated")
-        planners = EmulatedPlanners(settings.devices.values(), system.random)
+        planners = Planners(settings.devices.values(), system.random)
         self.devices = Devices(
             settings, planners=planners, clock=MonotonicClock(), on_event=self._hear
         )
@@ -215,9 +143,9 @@ class System:
         self.lateness = 0.0
         self.trouble = ""
         self.trouble_ns = 0
-        self.servo: EmulatedProcess | None = None
+        self.servo: Process | None = None
         self.parents = {}
-        self._servo_count = self._daemon_count = 0
+        self._daemon_count = 0
         self.daemon: Daemon | None = None
 
     # Processes
@@ -232,15 +160,14 @@ class System:
         killed.leave()
 
     def start_servo(self, settings, descriptor):
-        self._servo_count += 1
-        process = self.servo = EmulatedProcess(self, f"servo {self._servo_count}")
+        process = self.servo = Process(self.scheduler, "servo")
         daemon = self.daemon
         # The arguments of another process.
         settings = replace(settings, driver="emulated_device:EmulatedDriver", options={})
 
         def run():
             self.parents[process.group] = daemon
-            process.end(servo_module.run(descriptor, settings))
+            process.returncode = servo_process.run(descriptor, settings)
 
         self.scheduler.spawn(run, process.group, process.group)
         return process
@@ -292,9 +219,6 @@ class _Timer:
 def emulated(seed):
     """Give a :class:`System` that has not started, and the clock to it."""
     system = System(seed)
-    signals = SimpleNamespace(
-        signal=lambda *_: None, SIGINT=2, SIGTERM=15, SIGTTOU=22, SIG_IGN=None
-    )
 
     def write_report(path, report):
         if system.is_disk_full:
@@ -307,16 +231,9 @@ def emulated(seed):
         return EventKind.RECORDED, "recorded"
 
     replaced = [
-        (device_module, "ServoProcess", EmulatedServoProcess),
-        (EmulatedServoProcess, "system", system),
+        *of_servos(system, _Timer),
         (EmulatedDriver, "device", system.device),
         (_Timer, "system", system),
-        (servo_module, "DeadlineTimer", _Timer),
-        (servo_module, "os", SimpleNamespace(getppid=system.parent_pid)),
-        (servo_module, "signal", signals),
-        (servo_module, "lock_memory", lambda: True),
-        (servo_module, "set_scheduling", lambda _priority: "virtual"),
-        (servo_module, "freeze_garbage", lambda: None),
         (Path, "write_text", write_report),
         (flight_recorder.FlightRecorder, "_written", write_recording),
     ]

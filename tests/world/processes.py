@@ -7,6 +7,7 @@ import getpass
 import itertools
 import os
 import signal
+import subprocess
 import time
 from types import SimpleNamespace
 
@@ -21,7 +22,7 @@ from orientd.config import Role
 from orientd.daemon import server
 from orientd.daemon.access.identity import Caller, Identity
 from orientd.daemon.calls.service import Service
-from orientd.daemon.device import EventKind
+from orientd.daemon.device import EventKind, device
 from orientd.daemon.device.servo_process import ServoProcess
 from orientd.daemon.devices import Devices
 from orientd.daemon.workers import Threads
@@ -29,8 +30,8 @@ from orientd.recorder import flight
 from orientd.recorder.writer import RecordingError
 from orientd.servo import process as servo_process
 
-PLANNING = (0.002, 0.05)
-"""Least and most time that a plan takes, s; the seed decides."""
+PLANNING = (0.002, 0.01, 0.03, 0.3)
+"""Times that a plan may take, s; the seed decides."""
 
 WRITING = 0.3
 """Time that a file of the flight recorder takes, s."""
@@ -60,7 +61,7 @@ class Process:
         ends = None if timeout is None else time.monotonic() + timeout
         while self.returncode is None:
             if ends is not None and time.monotonic() > ends:
-                raise TimeoutError(f"{self.group} has not ended within {timeout} s")
+                raise subprocess.TimeoutExpired(self.group, timeout)
             self._scheduler.sleep(0.001)
         return self.returncode
 
@@ -101,6 +102,28 @@ class Servo(ServoProcess):
         return self.world.scheduler.is_frozen(process.group)
 
 
+def of_servos(world, timer):
+    """Return what servo processes find in a world: owners, names and values to replace.
+
+    Args:
+        world: starts servo processes, and knows their parents.
+        timer: the class that waits for deadlines.
+    """
+    signals = SimpleNamespace(
+        signal=lambda *_: None, SIGINT=2, SIGTERM=15, SIGTTOU=22, SIG_IGN=None
+    )
+    return [
+        (Servo, "world", world),
+        (device, "ServoProcess", Servo),
+        (servo_process, "DeadlineTimer", timer),
+        (servo_process, "os", SimpleNamespace(getppid=world.parent_pid)),
+        (servo_process, "signal", signals),
+        (servo_process, "lock_memory", lambda: True),
+        (servo_process, "set_scheduling", lambda _priority: "virtual"),
+        (servo_process, "freeze_garbage", lambda: None),
+    ]
+
+
 class Planners(DirectPlanners):
     """Planners that take a moment."""
 
@@ -117,7 +140,7 @@ class Planners(DirectPlanners):
         pass
 
     async def plan(self, plan_input, call, *, rank=None):
-        await asyncio.sleep(self._random.uniform(*PLANNING))
+        await asyncio.sleep(self._random.choice(PLANNING))
         return await super().plan(plan_input, call, rank=rank)
 
 

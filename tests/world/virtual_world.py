@@ -11,19 +11,16 @@ import contextlib
 import functools
 import os
 import threading
-from types import SimpleNamespace
 from unittest import mock
 
 import harness
 from _pytest.runner import runtestprotocol
 from channel import Channel
-from processes import Servo, World, written
+from processes import World, of_servos, written
 from virtual_time import Scheduler, VirtualThread, virtual_time
 
 from orientd.client.channel import Way
-from orientd.daemon.device import device as device_module
 from orientd.daemon.observe import flight_recorder
-from orientd.servo import process as servo_process
 
 STEP_NS = 50_000_000
 LONGEST_NS = 200_000_000_000
@@ -93,25 +90,15 @@ class Machine(harness.Machine):
 def running(world):
     """Replace transport, processes and clock within the context."""
     scheduler = world.scheduler
-    signals = SimpleNamespace(
-        signal=lambda *_: None, SIGINT=2, SIGTERM=15, SIGTTOU=22, SIG_IGN=None
-    )
     machine = Machine(world)
     replaced = [
         (harness, "MACHINE", machine),
         (os, "kill", machine.kill),
         (threading, "Timer", _ThreadTimer),
         (Way, "open", lambda way: Channel(world, way.socket)),
-        (Servo, "world", world),
         (flight_recorder.FlightRecorder, "_made", written),
         (_Timer, "scheduler", scheduler),
-        (device_module, "ServoProcess", Servo),
-        (servo_process, "DeadlineTimer", _Timer),
-        (servo_process, "os", SimpleNamespace(getppid=world.parent_pid)),
-        (servo_process, "signal", signals),
-        (servo_process, "lock_memory", lambda: True),
-        (servo_process, "set_scheduling", lambda _priority: "virtual"),
-        (servo_process, "freeze_garbage", lambda: None),
+        *of_servos(world, _Timer),
     ]
     with virtual_time(scheduler), contextlib.ExitStack() as stack:
         stack.enter_context(mock.patch.dict(os.environ, world.environment))

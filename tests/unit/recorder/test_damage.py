@@ -365,4 +365,7 @@ def test_a_head_without_a_cycle_is_named_as_such(whole, tmp_path):
     assert_refused(inside("export", path, "--partial", "-o", tmp_path / "a.csv"), problem)
     assert_refused(inside("plot", path, "--partial", "-o", tmp_path / "a.svg"), problem)
     done = inside("replay", path, "--partial", "--dry-run")
-    assert_refused(done, f"{path}: no topics in it, ", "it has no end: no message in its 300 bytes")
+    problem = (
+        f"{path}: no topics in it, expected one of orientations; record it again; it has no end"
+    )
+    assert_refused(done, f"{problem}: no message in its 300 bytes")
