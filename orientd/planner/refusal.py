@@ -11,7 +11,7 @@ import numpy as np
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.model.limits import ANGULAR, AXES, LONGEST, UNITS, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest, Pace
-from orientd.planner.certify.brake import longest_stop_from
+from orientd.planner.certify.brake import longest_stop_beside, longest_stop_from
 from orientd.planner.certify.certificate import Peak
 from orientd.planner.certify.measuring import Peaks
 from orientd.planner.state import State
@@ -286,8 +286,12 @@ def check_stop(peaks: Peaks, place: Place, limits: Limits) -> None:
     Timings of the planner keep their reserve, so only a motion with times of the user can exceed
     the bound that they keep.
     """
-    is_timed = place.request.times is not None
-    longest = longest_stop_from(peaks.velocity.value, limits) if is_timed else math.inf
+    request, longest = place.request, math.inf
+    if request.times is not None:
+        ends = (one for one in (request.start_velocity, request.end_velocity) if one is not None)
+        fastest = max((math.hypot(*omega) for omega in ends), default=0.0)
+        usual = longest_stop_from(peaks.velocity.value, limits)
+        longest = max(usual, longest_stop_beside(fastest, limits))
     stop_time = 1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf
     if stop_time > longest or math.isinf(stop_time):
         raise LimitError(

@@ -61,6 +61,9 @@ The servo reads this much of a path ahead.
 _SLOWER_STOP = 7.2
 """Factor by which a stop beyond the usual one may exceed a stop with the full limits."""
 
+_SLOWER_END = 5.0
+"""Factor by which a stop may exceed the run-up to an end velocity, however long this is."""
+
 _MARGIN = 0.99  # covers the worst rates, which lie between the nodes
 
 
@@ -94,8 +97,20 @@ def longest_stop(seconds: float) -> float:
 
 def longest_stop_from(speed: float, limits: Limits) -> float:
     """Return the longest allowed stop on a motion of a given velocity, rad/s, in s."""
+    return longest_stop(_rise_time(speed, limits))
+
+
+def longest_stop_beside(end_speed: float, limits: Limits) -> float:
+    """Return the stop that a given velocity at an end allows at least, rad/s, in s.
+
+    Before and after the motion the device needs almost its full acceleration to reach it.
+    """
+    return _SLOWER_END * _rise_time(end_speed, limits)
+
+
+def _rise_time(speed: float, limits: Limits) -> float:
     rise = min(math.sqrt(speed / limits.jerk), limits.acceleration / limits.jerk)
-    return longest_stop(max(speed / limits.acceleration, rise) + rise)
+    return max(speed / limits.acceleration, rise) + rise
 
 
 def share_to_stop(seconds: float, stop_time: float) -> float:

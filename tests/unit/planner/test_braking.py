@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from asked import asked, made
-from bench.single_requests import PERIOD, Case, _angles, faults, further
+from bench.single_requests import PERIOD, Case, _angles, faults, further, plans
+from bench.single_requests import planned as planned_case
 
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
@@ -192,3 +193,14 @@ def test_times_without_room_to_brake_are_refused_as_before():
     keyframes = [replace(ORIGIN, time=0.0), replace(HALF, time=0.3)]
     with pytest.raises(PlanError, match="tried before: a stop next to the moving ends"):
         planned(keyframes, (0.0, 0.9, 0.0), None, SOFT)
+
+
+@pytest.mark.parametrize("seed", [52, 122, 127, 227])
+def test_times_that_single_moves_meet_are_planned_on_a_device_that_is_slow_to_stop(seed):
+    case = plans(seed, "times")
+    limits, motion = case.limits, planned_case(case)
+    assert faults(motion, case) == []
+    ends = filter(None, (case.request.start_velocity, case.request.end_velocity))
+    run_up = max(np.linalg.norm(omega) for omega in ends) / limits.acceleration
+    rise = limits.acceleration / limits.jerk
+    assert 24.0 < 1.0 / motion.certificate.brake_rate <= 5.0 * (run_up + rise)
