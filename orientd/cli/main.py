@@ -49,6 +49,12 @@ _HOMES = {name: module for module, names in _MODULES.items() for name in names.s
 _LONG = 1.0
 """Duration from which a refusal reports its time, s."""
 
+_HELP: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
+"""Click raises this for a group without a command; its text is the help.  Click 8.1 prints it."""
+
+_OTHERS = OrientdError, OSError, MemoryError, UnicodeEncodeError, click.ClickException
+"""Errors that are no defects of this program."""
+
 TRACEBACK = "ORIENTD_TRACEBACK"
 """Environment variable that shows the traceback of a defect."""
 
@@ -135,7 +141,7 @@ class Commands(OpenGroup):
 
 def _is_ours(error: Exception) -> bool:
     """Return whether *error* is a defect of this program."""
-    return not isinstance(error, (OrientdError, OSError, MemoryError, click.ClickException))
+    return not isinstance(error, _OTHERS)
 
 
 def _tell(error: Exception, *, as_json: bool) -> None:
@@ -145,9 +151,8 @@ def _tell(error: Exception, *, as_json: bool) -> None:
     if isinstance(error, OrientdError) and error.planning >= _LONG:
         waiting = f"{error.waiting:.1f} s of it waiting for the device"
         more = f" (refused after {error.planning:.1f} s, {waiting})"
-    if "\n" in described["message"] and isinstance(error, click.ClickException):
-        # A group without a command: the message is its help.
-        print(described["message"], file=sys.stderr)  # noqa: T201
+    if isinstance(error, _HELP):
+        print(error.format_message(), file=sys.stderr)  # noqa: T201
     else:
         complain(described, as_json=as_json, more=more)
 
@@ -169,6 +174,9 @@ def _described(error: Any) -> dict[str, Any]:  # noqa: ANN401 - Click's class is
     if isinstance(error, OSError):  # of an invalid file name, if it was not checked before
         what = f"{one_line(str(error.filename), 100)}: " if error.filename else ""
         return {"kind": "OrientdError", "message": f"{what}{error.strerror or error}"}
+    if isinstance(error, UnicodeEncodeError):  # of an argument in another encoding
+        message = f"expected text in UTF-8, got {one_line(ascii(error.object), 100)}"
+        return {"kind": "RequestError", "message": message}
     if isinstance(error, MemoryError):
         return {"kind": "InternalError", "message": "there is not enough memory for this"}
     last = traceback.extract_tb(error.__traceback__)[-1]
@@ -182,8 +190,6 @@ def _described(error: Any) -> dict[str, Any]:  # noqa: ANN401 - Click's class is
 def _usage(error: Any) -> str:  # noqa: ANN401 - a ClickException
     """Return Click's usage error in the style of the others."""
     message: str = error.format_message()
-    if "\n" in message:
-        return message
     message = message[:1].lower() + message[1:].removesuffix(".")
     message = message.replace(". Did you mean", "; did you mean")
     message = message.replace("Value error, ", "").replace("Input should be ", "expected ")

@@ -115,3 +115,21 @@ def test_only_the_end_of_a_recording_is_drawn(tmp_path, monkeypatch):
         assert inside("plot", path, "-o", tmp_path / "a.svg", *options).returncode == 0
     assert [len(cycles) for cycles, _ in drawn] == [1500, round(RATE_HZ), 1500]
     assert [len(q) for _, q in drawn] == [1500, round(RATE_HZ), 1500]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "line"),
+    [
+        (
+            ["pause", "a\nb", "\x1b[2J"],
+            2,
+            r"orientd: got unexpected extra arguments (a b \x1b[2J); see `orientd pause --help`",
+        ),
+        (["disable", "--device", "\udcff"], 1, r"orientd: expected text in UTF-8, got '\udcff'"),
+    ],
+    ids=["what a terminal obeys", "not UTF-8"],
+)
+def test_arguments_are_quoted_on_one_harmless_line(arguments, status, line, tmp_path, monkeypatch):
+    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "none.sock"))
+    done = inside(*arguments)
+    assert (done.returncode, done.stderr) == (status, f"{line}\n")
