@@ -1,14 +1,16 @@
 """An emulated gimbal or arm and a daemon that drives it, each started by its command."""
 
 import contextlib
-import select
 import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import ClassVar
 
-from command_line import begin, environment
+import harness
+from command_line import begin
 from harness import run_first, until
+from reference.wire import PtyTee
 
 from orientd import connect
 from orientd.errors import OrientdError
@@ -27,22 +29,64 @@ PATIENT = (
 )
 
 
-class EmulatedGimbal:
+class BusProcess:
     """``orientd sim dynamixel`` with its console."""
 
     def __init__(self, link, *arguments):
+        self._process = begin("sim", "dynamixel", "--link", link, "--console", *arguments,
+                              stdin=subprocess.PIPE)  # fmt: skip
+        line = self._process.stdout.readline()
+        assert line.startswith("ready"), (line, self._process.stderr.read())
+        run_first(self._process.pid)
+
+    def ask(self, command):
+        """Have a command carried out; return the answer."""
+        self._process.stdin.write(command + "\n")
+        self._process.stdin.flush()
+        return self._process.stdout.readline().strip()
+
+    def end(self, number):
+        """End it by a signal and return its status."""
+        if self._process.poll() is None:
+            self._process.send_signal(number)
+        status = self._process.wait(10)
+        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
+            stream.close()
+        return status
+
+
+class Terminals:
+    """How tests reach serial lines: here real ones.  A world in virtual time has its own.
+
+    Attributes:
+        patience: changes of the example for a machine whose processors are busy.
+        driver_patience: the same as options of the driver.
+    """
+
+    patience = PATIENT
+    driver_patience: ClassVar = {"max_losses": 50, "latency_ms": 100.0, "watchdog_ms": 2500}
+    start_bus = BusProcess
+    tap = PtyTee
+
+
+TERMINALS = Terminals()
+
+
+def tap(link, behind):
+    """Return a reader of what is written at *link*, which leads to *behind*."""
+    return TERMINALS.tap(link, behind)
+
+
+class EmulatedGimbal:
+    """An emulated bus at *link*, with its console."""
+
+    def __init__(self, link, *arguments):
         self.link = link
-        self.process = begin("sim", "dynamixel", "--link", link, "--console", *arguments,
-                             stdin=subprocess.PIPE)  # fmt: skip
-        line = self.process.stdout.readline()
-        assert line.startswith("ready"), (line, self.process.stderr.read())
-        run_first(self.process.pid)
+        self._bus = TERMINALS.start_bus(link, *arguments)
 
     def tell(self, command):
         """Have a command carried out; return what it answered."""
-        self.process.stdin.write(command + "\n")
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline().strip()
+        answer = self._bus.ask(command)
         assert answer.startswith(f"done: {command}"), answer
         return answer.removeprefix(f"done: {command}").removeprefix(": ")
 
@@ -53,12 +97,7 @@ class EmulatedGimbal:
 
     def end(self, number=signal.SIGTERM):
         """End it and return its status."""
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        status = self.process.wait(10)
-        for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
-            stream.close()
-        return status
+        return self._bus.end(number)
 
 
 SLOW_MACHINE = (
@@ -104,33 +143,29 @@ class ExampleDaemon:
             assert old in text
             text = text.replace(old, new)
         self.config.write_text(f'[daemon]\nsocket = "{self.socket}"\n{text}')
+        self.arguments, self.prefix = ("--config", str(self.config)), ()
+        self.environment = {}
 
     def start(self):
-        """Start it and wait until it is ready."""
-        self.process = begin(
-            "run",
-            "--config",
-            self.config,
-            env=environment(XDG_STATE_HOME=str(self.folder / "state")),
-        )
-        ready, _, _ = select.select([self.process.stdout], [], [], 90)
-        line = self.process.stdout.readline() if ready else ""
-        if "ready at" not in line:  # or "not ready at", where the device does not answer
-            self.process.kill()
-            raise AssertionError((line, self.process.stderr.read()))
+        """Start it and wait until it is ready, or until it says that it is not."""
+        self.log = (self.folder / "log").open("ab")
+        self.process = harness.MACHINE.start_daemon(self)
         return self
 
     def end(self, number=signal.SIGTERM):
         """End it and return its status and what it logged."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        _, log = self.process.communicate(timeout=30)
-        return self.process.returncode, log
+        self.process.communicate(timeout=30)
+        self.log.close()
+        return self.process.returncode, (self.folder / "log").read_text()
 
 
 class GimbalDaemon(ExampleDaemon):
     """The example gimbal on a port of its own."""
 
     def __init__(self, folder, port, *changes):
-        super().__init__(folder, "gimbal.toml", ('/tmp/gimbal"', f'{port}"'), *PATIENT, *changes)
+        super().__init__(
+            folder, "gimbal.toml", ('/tmp/gimbal"', f'{port}"'), *TERMINALS.patience, *changes
+        )
         self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"

@@ -71,6 +71,7 @@ def test_what_servos_measure_is_told_everywhere_with_a_warning_in_time(bus, daem
 
 def test_servos_that_are_powered_later_are_found_then(bus, daemon):
     bus.tell("disconnect 2")
+    daemon.log = (daemon.folder / "log").open("ab")
     daemon.process = begin(
         "run", "--config", daemon.config,
         env=environment(XDG_STATE_HOME=str(daemon.folder / "state")),

@@ -19,6 +19,8 @@ pytest.importorskip("dynamixel_sdk")
 from orientd.driver import AxisLimits
 from orientd.mechanism import Gimbal
 
+pytestmark = pytest.mark.world
+
 DEVICE = "gimbal"
 AXIS_VELOCITY, AXIS_ACCELERATION = np.deg2rad(220), 40.0
 WIDE = (

@@ -4,15 +4,16 @@ import random
 import time
 
 import pytest
-from gimbal_bench import GimbalDaemon, seldom
+from gimbal_bench import GimbalDaemon, seldom, tap
 from harness import until
-from reference.wire import PtyTee
 
 import orientd
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
+
+pytestmark = pytest.mark.world
 
 DEVICE = "gimbal"
 DEGREE = 4096 / 360
@@ -26,7 +27,7 @@ ROUNDS = [
 
 @pytest.fixture
 def tee(bus, tmp_path):
-    it = PtyTee(tmp_path / "tapped", bus.link)
+    it = tap(tmp_path / "tapped", bus.link)
     yield it
     it.end()
 

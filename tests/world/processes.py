@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import grpc
 from channel import CallError
 from direct_planners import DirectPlanners
+from serial_lines import SerialLines
 from virtual_time import VirtualLoop
 
 from orientd import config
@@ -31,7 +32,7 @@ from orientd.recorder.writer import RecordingError
 from orientd.servo import process as servo_process
 
 PLANNING = (0.002, 0.01, 0.03, 0.3)
-"""Times that a plan may take, s; the seed decides."""
+"""Times that a plan may take, s, the last on a busy machine only; the seed decides."""
 
 WRITING = 0.3
 """Time that a file of the flight recorder takes, s."""
@@ -47,7 +48,7 @@ class Process:
         pid: a number that no real process has.
     """
 
-    stdin = stdout = stderr = None
+    stdin = stdout = stderr = log = None
 
     def __init__(self, scheduler, kind):
         number = next(_NUMBERS)
@@ -129,9 +130,9 @@ class Planners(DirectPlanners):
 
     timeout = 60.0
 
-    def __init__(self, settings, random):
+    def __init__(self, settings, random, times=PLANNING):
         super().__init__(settings)
-        self._random = random
+        self._random, self._times = random, times
 
     def start(self):
         pass
@@ -140,7 +141,7 @@ class Planners(DirectPlanners):
         pass
 
     async def plan(self, plan_input, call, *, rank=None):
-        await asyncio.sleep(self._random.choice(PLANNING))
+        await asyncio.sleep(self._random.choice(self._times))
         return await super().plan(plan_input, call, rank=rank)
 
 
@@ -148,7 +149,8 @@ def written(_recorder, recorded):
     """Write a file of the flight recorder, which takes its time."""
     time.sleep(WRITING)
     try:
-        return EventKind.RECORDED, str(flight.write(recorded))
+        with os.fdopen(os.dup(recorded.fileno()), "rb") as given:
+            return EventKind.RECORDED, str(flight.write(given))
     except (RecordingError, OSError, ValueError) as error:
         return EventKind.RECORDING_FAILED, str(error)
 
@@ -181,7 +183,7 @@ class Daemon(Process):
     async def _serve(self):
         settings, life = self._settings, Threads(1, "life")
         self._ending = asyncio.Event()
-        planners = Planners(settings.devices.values(), self._scheduler.random)
+        planners = Planners(settings.devices.values(), self._scheduler.random, PLANNING[:3])
         devices = Devices(settings, planners=planners, clock=MonotonicClock())
         self.service = Service(
             devices,
@@ -224,10 +226,11 @@ class World:
     Attributes:
         scheduler: of their tasks.
         environment: variables of their environment.
+        lines: serial lines.
     """
 
     def __init__(self, scheduler):
-        self.scheduler = scheduler
+        self.scheduler, self.lines = scheduler, SerialLines(scheduler)
         self._daemons, self._processes, self._parents, self.environment = {}, {}, {}, {}
 
     def start_daemon(self, path, socket):
@@ -250,6 +253,10 @@ class World:
         """Return the daemon that answers at a socket, or ``None``."""
         daemon = self._daemons.get(str(socket))
         return daemon if daemon is not None and daemon.is_serving else None
+
+    def log_of(self, group):
+        """Return the log of the daemon whose tasks are a group, or ``None``."""
+        return next((one.log for one in self._daemons.values() if one.group == group), None)
 
     def process(self, pid):
         """Return a process of this world, or ``None``."""

@@ -127,6 +127,10 @@ class Scheduler:
     def is_frozen(self, group):
         return group in self._frozen
 
+    def lives(self, group):
+        """Return whether a process has a task left."""
+        return any(task.group == group for task in self._of.values())
+
     def kill(self, group):
         """Kill a process at once; none of its tasks runs any more."""
         self.thaw(group)

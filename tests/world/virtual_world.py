@@ -16,15 +16,17 @@ from unittest import mock
 import harness
 from _pytest.runner import runtestprotocol
 from channel import Channel
+from logs import logs
 from processes import World, of_servos, written
+from serial_lines import of_serial_lines
 from virtual_time import Scheduler, VirtualThread, virtual_time
 
 from orientd.client.channel import Way
 from orientd.daemon.observe import flight_recorder
 
 STEP_NS = 50_000_000
-LONGEST_NS = 200_000_000_000
-"""Virtual time of a test."""
+LONGEST = 200.0
+"""Virtual time of a test without a mark ``timeout``, s."""
 
 
 class _Timer:
@@ -67,6 +69,7 @@ class Machine(harness.Machine):
         self._world.environment["XDG_STATE_HOME"] = str(it.folder / "state")
         os.environ.update(self._world.environment)
         process = self._world.start_daemon(it.config, it.socket)
+        process.log = it.log
         while not process.is_serving:
             self._world.scheduler.sleep(0.01)
         return process
@@ -99,12 +102,19 @@ def running(world):
         (flight_recorder.FlightRecorder, "_made", written),
         (_Timer, "scheduler", scheduler),
         *of_servos(world, _Timer),
+        *of_serial_lines(world.lines),
     ]
-    with virtual_time(scheduler), contextlib.ExitStack() as stack:
+    with virtual_time(scheduler), logs(world), contextlib.ExitStack() as stack:
         stack.enter_context(mock.patch.dict(os.environ, world.environment))
         for owner, name, value in replaced:
             stack.enter_context(mock.patch.object(owner, name, value))
         yield
+
+
+def longest_of(item):
+    """Return the virtual time that a test may take, s."""
+    mark = item.get_closest_marker("timeout")
+    return LONGEST if mark is None else max(LONGEST, mark.args[0])
 
 
 class VirtualRunner:
@@ -120,13 +130,14 @@ class VirtualRunner:
             self._world, self._module = World(Scheduler(f"{self._seed} {module}")), module
         scheduler = self._world.scheduler
         with running(self._world):
-            ends_ns = scheduler.now_ns + LONGEST_NS
+            longest_ns = round(longest_of(item) * 1e9)
+            ends_ns = scheduler.now_ns + longest_ns
             work = functools.partial(runtestprotocol, item, nextitem=nextitem)
             task = scheduler.spawn(work, item.nodeid, "test")
             while not task.is_over:
                 if not scheduler.is_busy or scheduler.now_ns > ends_ns:
                     scheduler.fail(task, "nothing happens any more")
-                    ends_ns += LONGEST_NS
+                    ends_ns += longest_ns
                 scheduler.run(scheduler.now_ns + STEP_NS)
         if nextitem is None:
             self._world = None

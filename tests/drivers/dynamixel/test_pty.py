@@ -3,12 +3,12 @@
 import contextlib
 import math
 import os
-import subprocess
-import sys
 import time
 
+import gimbal_bench
 import pytest
-from harness import run_first, until
+from gimbal_bench import EmulatedGimbal
+from harness import until
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -31,50 +31,23 @@ from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.bus import open_bus
 from orientd_dynamixel.tables import X430
 
+pytestmark = pytest.mark.world
+
 PERIOD_NS = 10_000_000
-
-
-class Emulator:
-    """An emulated bus in its own process, with a console."""
-
-    def __init__(self, link, *arguments):
-        self.link = link
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "orientd", "sim", "dynamixel", "--link", str(link), "--console",
-             *arguments],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        assert self._process.stdout.readline().startswith("ready")
-        run_first(self._process.pid)
-
-    def tell(self, command):
-        self._process.stdin.write(command + "\n")
-        self._process.stdin.flush()
-        assert self._process.stdout.readline() == f"done: {command}\n"
-
-    def end(self):
-        self._process.terminate()
-        self._process.wait(10)
-        self._process.stdin.close()
-        self._process.stdout.close()
 
 
 @pytest.fixture
 def emulator(tmp_path):
-    it = Emulator(tmp_path / "bus")
+    it = EmulatedGimbal(tmp_path / "bus")
     yield it
     it.end()
-
-
-# Without real-time priority the processes of driver and emulator may wait long for a processor.
-PATIENCE_MS = 100.0
 
 
 def make(link, **options):
     axes = [{"id": k, "limits_deg": [-170, 170]} for k in (1, 2, 3)]
     return DynamixelDriver(
-        {"port": str(link), "axes": axes, "max_losses": 50, "latency_ms": PATIENCE_MS,
-         "watchdog_ms": 2500, "overwrite": ["operating_mode"], **options},
+        {"port": str(link), "axes": axes, "overwrite": ["operating_mode"],
+         **gimbal_bench.TERMINALS.driver_patience, **options},
         period_ns=PERIOD_NS, clock=MonotonicClock(),
     )  # fmt: skip
 
@@ -174,6 +147,7 @@ def test_missing_port_is_a_link_error_that_names_it(tmp_path):
         make(tmp_path / "nothing").open()
 
 
+@pytest.mark.real
 def test_a_write_does_not_wait_for_a_device_that_takes_nothing():
     device, port = os.openpty()
     bus = open_bus(os.ttyname(port), 57_600)
