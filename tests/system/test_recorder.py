@@ -4,6 +4,7 @@ import json
 import os
 import resource
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -214,6 +215,26 @@ def test_a_fault_leaves_a_file_with_its_cycle_and_all_before(tmp_path):
     assert pb.EVENT_KIND_MOTION_STARTED in kinds
     (started,) = (e for e in recording.events if e.kind == pb.EVENT_KIND_MOTION_STARTED)
     assert started.plan.certificate.duration > 20.0
+
+
+@pytest.mark.world
+def test_faults_that_follow_each_other_within_a_second_leave_one_file(tmp_path):
+    fault = tmp_path / "fault"
+
+    def fail():
+        fault.write_text("device_fault")
+        until(lambda: daemon.device().state == pb.STATE_FAULT, "the fault")
+        fault.unlink()
+        daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
+
+    with DaemonProcess(tmp_path / "daemon", options=f'fault_file = "{fault}"') as daemon:
+        time.sleep(0.5)  # in which there are cycles to record
+        for _ in range(3):
+            fail()
+        time.sleep(2.5)
+        assert len(flight_files(daemon)) == 1
+        fail()
+        until(lambda: len(flight_files(daemon)) == 2, "the file of a later fault")
 
 
 def test_a_servo_that_is_killed_leaves_a_file_up_to_its_last_cycle(daemon):

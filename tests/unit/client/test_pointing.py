@@ -235,11 +235,13 @@ def test_the_device_points_again_once_the_base_is_back():
 
 def test_samples_of_the_base_that_are_none_are_skipped_and_counted():
     session = Session()
+    session.run(10.0)
     nan = Quaternion(w=float("nan"), x=0.0, y=0.0, z=0.0)
     old, new = session.now_ns - NS, session.now_ns
     session.now(lambda: session.base(nan))
     session.now(lambda: session.base(Quaternion(w=2.0, x=0.0, y=0.0, z=0.0)))
     session.now(lambda: session.base(as_user(IDENTITY), time_ns=old))
+    assert session.now(lambda: session.base_report)[:2] == (0, 3)
     session.now(lambda: session.base(as_user(IDENTITY), time_ns=new))
     session.now(lambda: session.base(as_user(IDENTITY), time_ns=new - 1))
     report = session.now(lambda: session.base_report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from dataclasses import fields, replace
@@ -120,6 +121,15 @@ class FakeServo(ServoProcess):
         ):
             self.be(ServoState.HOLDING)
         return time.monotonic()
+
+    def running(self):
+        return self._memory
+
+    def tuning(self):
+        """Return the newest options of the driver."""
+        ring = self._memory.tunings
+        length, text = ring.read(ring.head - 1)[1:]
+        return json.loads(text[:length])
 
     def brake(self):
         self.ask(Command.STOP)

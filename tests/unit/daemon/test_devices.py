@@ -3,6 +3,7 @@
 import asyncio
 import threading
 import time
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -29,6 +30,7 @@ from orientd.planner import Keyframe, MotionRequest, State
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
 from orientd.stream.records import Command, ServoState
+from orientd_loopback import LoopbackDriver
 
 SECOND = 1_000_000_000
 MOTION = MotionRequest([Keyframe(tuple(exp([0.0, 0.0, angle]))) for angle in (0.0, 0.1)])
@@ -439,6 +441,26 @@ def test_a_device_knows_when_motions_with_a_start_time_began(devices, arm, servo
     ended(arm, run)
     assert arm.began_ns(start_ns) == start_ns + 7
     assert arm.began_ns(start_ns + 1) is None
+
+
+def test_a_motion_that_is_ready_only_after_its_start_time_does_not_begin(devices, arm, servo):
+    late = MoveOptions(start_ns=time.monotonic_ns() - 1)
+    with pytest.raises(StateError, match=r"was ready 0\.\d{3} s after its start time"):
+        move(arm, devices.leases.acquire("ana").token, options=late)
+    assert "start" not in servo.asked
+
+
+def test_the_options_of_a_motion_are_not_those_of_the_next(devices, arm, servo, monkeypatch):
+    monkeypatch.setattr(LoopbackDriver, "tune", lambda *_: None, raising=False)
+    token, tuned = devices.leases.acquire("ana").token, []
+    for options in ({}, {"gain": 700}, {"gain": 700}, {"lookahead": 0.1}, {}, {}):
+        servo.asked.clear()
+        motion = plan(devices, arm, replace(MOTION, device_options=options))
+        run = start(arm, token, motion)
+        tuned.append(servo.tuning() if "tune" in servo.asked else None)
+        servo.finish()
+        ended(arm, run)
+    assert tuned == [None, {"gain": 700}, None, {"lookahead": 0.1}, {}, None]
 
 
 def test_a_halt_leaves_the_path(devices, servo):

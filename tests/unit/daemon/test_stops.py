@@ -1,6 +1,8 @@
 """The folder of the stop sockets: what the daemon removes there, and what it leaves alone."""
 
 import contextlib
+import json
+import os
 import socket
 from pathlib import Path
 
@@ -99,3 +101,20 @@ def test_a_servo_that_does_not_take_the_news_of_who_may_stop_is_named(folder, ca
         stops.admit(RolePolicy(AccessSettings()))
     (warning,) = caplog.messages
     assert warning.startswith("arm: the servo does not take the news")
+
+
+def test_a_reload_tells_every_servo_who_may_stop_and_opens_the_folder_to_them(folder):
+    stops = made(folder)
+    other = os.getuid() + 1
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as servo:
+        servo.bind(stops.path("arm"))
+        servo.settimeout(10.0)
+        assert str(other) not in json.dumps(stops.admitted)
+        for role, mode in (("operator", 0o755), (None, 0o700)):
+            users = {str(other): role} if role else {}
+            stops.admit(RolePolicy(AccessSettings(users=users)))
+            word, _, tables = servo.recv(10_000).partition(b" ")
+            assert (word, json.loads(tables)) == (b"admit", stops.admitted)
+            assert (str(other) in tables.decode()) == bool(role)
+            assert folder.stat().st_mode & 0o777 == mode
+    stops.close()

@@ -55,6 +55,36 @@ def test_a_driver_that_cannot_say_its_deadline_is_in_a_fault_and_the_servo_goes_
     assert (servo.state, servo.setpoints.fault) == (ServoState.FAULT, Fault.INTERNAL)
 
 
+@pytest.mark.parametrize("periods", [0.0, 0.7, 1.0, 1.001, 2.5, 2.999, 7.9])
+def test_a_cycle_that_takes_longer_skips_and_counts_the_deadlines_that_have_passed(
+    monkeypatch, periods
+):
+    """The time passes only while the timer waits and in the third cycle."""
+    now = [10**9]
+    monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: now[0])
+    servo = Rig().servo
+
+    class Timer(VirtualTimer):
+        def wait(self, deadline_ns):
+            assert deadline_ns >= now[0]
+            now[0] = deadline_ns
+            return super().wait(deadline_ns)
+
+    def cycle(deadline_ns, lateness_ns):
+        assert lateness_ns == 0
+        if len(timer.deadlines) == 3:
+            now[0] = deadline_ns + round(periods * PERIOD_NS)
+
+    timer = Timer(servo, 6)
+    monkeypatch.setattr(servo, "cycle", cycle)
+    run_cycles(servo, timer, PERIOD_NS)
+    # A deadline that is due this very instant has not passed.
+    missed = max(0, math.ceil(periods) - 1)
+    steps = [(b - a) // PERIOD_NS for a, b in itertools.pairwise(timer.deadlines)]
+    assert steps == [1, 1, 1 + missed, 1, 1]
+    assert servo.missed == missed
+
+
 @pytest.mark.parametrize("phase_ns", [0, 1, PERIOD_NS - 1])
 def test_deadlines_are_at_the_phase_that_is_asked_for(monkeypatch, phase_ns):
     monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: 10**9 + 12_345)

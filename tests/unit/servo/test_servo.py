@@ -244,6 +244,23 @@ def test_stale_feedback_is_a_stop_on_the_path_and_a_fault(tmp_path):
     assert distance_to_path(rig.sent(), path) < 1e-12
 
 
+def test_the_first_reason_of_a_fault_counts():
+    rig = Rig(heartbeat_ns=20_000_000)
+    rig.start(turn())
+    rig.run(500)
+    rig.beats = False
+    rig.run_until(lambda servo: servo.state is ServoState.STOPPING)
+    read = rig.driver.read
+    rig.driver.read = lambda: read()._replace(q=(2.0, 0.0, 0.0, 0.0))
+    rig.run(2)
+    assert rig.servo.state is ServoState.STOPPING
+    rig.driver.read = read
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    assert rig.cycle.fault == Fault.HEARTBEAT_LOST
+    (note,) = rig.notes(NoteKind.FAULT)
+    assert "no heartbeat" in note.text
+
+
 @pytest.mark.parametrize("stall_ms", [120, 900, 5000])
 def test_a_stall_of_its_own_is_nobody_elses_fault(stall_ms):
     rig = Rig(stall_ns=10**10)

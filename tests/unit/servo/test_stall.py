@@ -167,16 +167,15 @@ def test_a_cycle_or_two_of_a_slow_device_are_no_stall():
     assert PERIOD_NS < SHORTEST_NS
 
 
-@pytest.mark.parametrize("command", [Command.SPEED, Command.STOP])
+@pytest.mark.parametrize("command", [Command.SPEED, Command.STOP, Command.HALT])
 def test_of_what_was_given_up_only_stops_are_carried_out(command):
     rig, _ = moving()
     ring = rig.memory.commands
     ring.publish(command, 1, 0, UNKNOWN, UNKNOWN, UNKNOWN, 0.5, *TERMS.floats())
     ring.words[GIVEN_UP_WORD] = ring.head
     rig.run(3)
-    assert (rig.cycle.speed, rig.cycle.state)[command is Command.STOP] == (
-        ServoState.STOPPING if command is Command.STOP else 1.0
-    )
+    is_stop = command is not Command.SPEED
+    assert (rig.cycle.speed, rig.cycle.state)[is_stop] == (ServoState.STOPPING if is_stop else 1.0)
     assert rig.ask(Command.SPEED, speed=0.5)[0] is not Answer.FAILED
 
 

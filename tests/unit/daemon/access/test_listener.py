@@ -5,14 +5,16 @@ import contextlib
 import itertools
 import socket
 import ssl
+import time
 
 import pytest
+from authority import Authority
 from grpclib.client import Channel, UnaryStreamMethod, UnaryUnaryMethod
-from grpclib.const import Cardinality
+from grpclib.const import Cardinality, Status
 from grpclib.exceptions import GRPCError
 
 from orientd.config import AccessSettings, TcpSettings
-from orientd.daemon.access import connection, listener
+from orientd.daemon.access import connection, identity, listener
 from orientd.daemon.access.authorization import Authorization, Method
 from orientd.daemon.access.listener import Listener
 from orientd.errors import PlanError
@@ -37,7 +39,7 @@ class Audit:
 class Daemon:
     """A service of two calls behind the listener."""
 
-    def __init__(self, path, tcp=None):
+    def __init__(self, path, tcp=None, access=None):
         self.path, self.audit = path, Audit()
         self.ended = []
         methods = {
@@ -50,7 +52,9 @@ class Daemon:
             count_call=lambda *_: None,
             most_calls=128,
         )
-        self.listener = Listener(AccessSettings(), tcp, self.authorization.route, self.audit)
+        self.listener = Listener(
+            access or AccessSettings(), tcp, self.authorization.route, self.audit
+        )
 
     async def get(self, request, caller):
         if request.device == "slow":
@@ -216,15 +220,45 @@ def test_a_client_that_never_reads_is_hung_up_on(tmp_path, monkeypatch, caplog):
     assert "Traceback" not in caplog.text
 
 
+def free_port():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def test_a_certificate_that_expires_on_an_open_connection_counts_no_more(tmp_path, monkeypatch):
+    authority, port = Authority(tmp_path / "ca"), free_port()
+    authority.issue("server", hosts="IP:127.0.0.1")
+    authority.issue("pendant")
+    ca, server, pendant = (tmp_path / "ca" / name for name in ("ca.pem", "server", "pendant"))
+    files = {"certificate": f"{server}.pem", "key": f"{server}.key", "ca": str(ca)}
+    tcp = TcpSettings(listen=f"127.0.0.1:{port}", **files)
+    access = AccessSettings(certificates={"pendant": "operator"})
+    trust = ssl.create_default_context(cafile=ca)
+    trust.load_cert_chain(f"{pendant}.pem", f"{pendant}.key")
+    trust.set_alpn_protocols(["h2"])
+
+    async def work(daemon):
+        with contextlib.closing(Channel("127.0.0.1", port, ssl=trust)) as channel:
+            (device,) = (await get(channel)).devices
+            assert device.fault_text == "certificate:pendant"
+            in_ten_years = time.time() + 10.0 * 366 * 86_400
+            monkeypatch.setattr(identity.time, "time", lambda: in_ten_years)
+            with pytest.raises(GRPCError) as caught:
+                await get(channel)
+        assert caught.value.status is Status.PERMISSION_DENIED
+        assert caught.value.message == "the certificate of pendant has expired"
+
+    run(tmp_path, work, tcp=tcp, access=access)
+
+
 @pytest.mark.parametrize("said", [b"", b"\x16"])
 def test_a_handshake_that_is_not_done_is_given_up(tmp_path, monkeypatch, said):
     monkeypatch.setattr(listener, "HANDSHAKE_TIMEOUT", SOON)
     monkeypatch.setattr(
         listener, "server_context", lambda tcp: ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     )
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     files = dict.fromkeys(("certificate", "key", "ca"), "/none")
     tcp = TcpSettings(listen=f"127.0.0.1:{port}", **files)
 

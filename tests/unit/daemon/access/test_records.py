@@ -66,6 +66,18 @@ def test_a_line_that_a_full_disk_cut_leaves_the_next_one_whole(tmp_path):
     assert (json.loads(first), cut, json.loads(last)["number"]) == ({"number": 0}, '{"num', 1)
 
 
+@pytest.mark.parametrize("name", ["audit.jsonl", "audit.jsonl.lock"])
+def test_a_link_to_a_file_of_the_user_is_not_written_to(tmp_path, caplog, name):
+    precious = tmp_path / "thesis.txt"
+    precious.write_text("precious")
+    (tmp_path / name).symlink_to(precious)
+    log = AuditLog(tmp_path / "audit.jsonl", most_bytes=5000, most_files=2)
+    log.record(number=1)
+    log.close()
+    assert precious.read_text() == "precious"
+    assert f"audit: cannot write to {tmp_path / 'audit.jsonl'}: " in caplog.text
+
+
 def test_a_disk_that_fails_stops_nobody(tmp_path, caplog):
     path = tmp_path / "file" / "audit.jsonl"
     path.parent.write_text("no folder")
