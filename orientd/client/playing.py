@@ -53,11 +53,15 @@ class PlayTiming:
         refused: chunks and targets that the daemon refused.
         refusal: why the last of them was refused, a pose skipped, or a chunk too late; empty for
             none.
-        starved: chunks that came after the poses had run out.
+        starved: chunks that came after the poses had run out, with poses to come or without.
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
         behind: angle from the newest setpoint to the poses, rad, because of the limits.
         largest_behind: largest value of *behind* so far, rad.
         lag: delay behind the poses that fits the last second best, s; 0 if the limits allow all.
+        position_behind: distance from the newest setpoint to the position of the poses, m, because
+            of the limits.
+        largest_position_behind: largest value of *position_behind* so far, m.
+        position_lag: delay of the position behind the poses, as *lag* is that of the orientation.
         inference: longest time from the first pose of a chunk until the call that sends it, s.
         longest_inference: largest *inference* for which the poses do not run out, s; infinite
             before the second chunk, unless all poses of the first one are late.
@@ -74,6 +78,9 @@ class PlayTiming:
     behind: float
     largest_behind: float
     lag: float
+    position_behind: float
+    largest_position_behind: float
+    position_lag: float
     inference: float
     longest_inference: float
 
@@ -187,6 +194,9 @@ class Playing(Tracking):
             behind=found.behind,
             largest_behind=found.largest_behind,
             lag=found.lag,
+            position_behind=found.position_behind,
+            largest_position_behind=found.largest_position_behind,
+            position_lag=found.position_lag,
             inference=inference,
             longest_inference=max(inference + left, 0.0),
         )

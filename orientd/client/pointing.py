@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple, get_args
 
 from orientd.client.connection import Connection
-from orientd.client.prediction import LONGEST_NS, Predictor, turning
+from orientd.client.prediction import LONGEST_NS, Predictor, RateCheck, turning
 from orientd.client.sight import AXES, NEAREST, Axis, PlanSight, PointSight, Roll, Sight, TurnSight
 from orientd.client.target_messages import (
     Frame,
@@ -53,7 +53,11 @@ REST_NS = 60_000_000_000
 """Time to live of a target at rest."""
 
 AHEAD = 1.0
-"""How far ahead of now a sample may be stamped, s."""
+"""How far ahead of now a sample of a target may be stamped, s: it may be a prediction."""
+
+AHEAD_BASE = 0.05
+"""How far ahead of now a sample of the base may be stamped, s.  It is a measurement, so only the
+conversion from another clock can make it one of the future."""
 
 LONGEST_WAIT = 3600.0
 """How far from now the start of a plan may be, s."""
@@ -70,7 +74,8 @@ class BaseReport(NamedTuple):
 
     Attributes:
         samples: number of used samples.
-        skipped: number of skipped samples: too old, out of order, not finite or not of unit norm.
+        skipped: number of skipped samples: too old, out of order, not finite, not of unit norm, or
+            with rates in another unit.
         time_ns: time of the newest sample, monotonic clock of this machine; 0 without a sample.
         age: age of the newest sample, s; infinity without a sample.
         is_stale: whether the newest sample is older than its time to live.
@@ -249,6 +254,7 @@ class Pointing(ABC):
         with self._lock:
             sight = self._sight if isinstance(self._sight, TurnSight) else TurnSight()
             self._note(sight, sight.take(q, omega, stamp_ns), expires_ns, now_ns)
+            _check_rates("angular_velocity", sight.rates, "rad/s")
             self._show(sight, now_ns)
 
     def follow(self, plan: pb.Plan, *, start_ns: int = 0) -> None:
@@ -299,17 +305,19 @@ class Pointing(ABC):
             angular_velocity: of the base, rad/s, as a gyroscope measures it.  ``None`` derives it
                 from successive samples.
             velocity_frame: the frame of that velocity.
-            time_ns: time of the sample, :func:`time.monotonic_ns` of this machine; 0 for now.
+            time_ns: time of the sample, :func:`time.monotonic_ns` of this machine, at most 0.05 s
+                ahead; 0 for now.
             time_to_live: age from which the base is stale, s.  Then the device comes to rest until
                 a newer sample arrives.
 
         Raises:
-            RequestError: an argument is malformed.
+            RequestError: an argument is malformed, or the angular velocities are in degrees/s.
             OrientdError: tracking has ended.
         """
         check_life("time_to_live", time_to_live)
         now_ns = time.monotonic_ns()
-        stamp_ns, life_ns = _stamp(time_ns, now_ns), round(time_to_live * 1e9)
+        stamp_ns = _stamp(time_ns, now_ns, ahead=AHEAD_BASE)
+        life_ns = round(time_to_live * 1e9)
         q = _unit(orientation_of(q_world_base, "q_world_base"))
         omega = None if q is None else _body_rate(q, angular_velocity, velocity_frame)
         with self._lock:
@@ -318,6 +326,7 @@ class Pointing(ABC):
             is_fresh = q is not None and stamp_ns + life_ns > now_ns
             if q is None or not is_fresh or not self._base.take(q, omega, stamp_ns):
                 self._skipped_samples += 1
+                _check_rates("angular_velocity", self._base.rates, "rad/s")
                 return
             self._samples += 1
             self._base_life_ns = life_ns
@@ -366,6 +375,10 @@ class Pointing(ABC):
                 )
             sight.roll, sight.place = roll, place or ZERO
             self._note(sight, sight.take(point, velocity, stamp_ns), expires_ns, now_ns)
+            if place is None:
+                _check_rates("azimuth_rate, elevation_rate", sight.rates, "degrees/s")
+            else:
+                _check_rates("velocity", sight.rates, "m/s")
             self._show(sight, now_ns)
 
     def _note(self, sight: Sight, is_newer: bool, expires_ns: int | None, now_ns: int) -> None:
@@ -503,13 +516,24 @@ def _body_rate(q: Quaternion, given: object, frame: Frame) -> Vector3 | None:
     return rotate_back(q, omega) if omega is not None and is_world else omega
 
 
-def _stamp(time_ns: int, now_ns: int) -> int:
-    """Return the time of a sample.
+def _check_rates(place: str, rates: RateCheck, unit: str) -> None:
+    """Check that the rates of samples are not degrees in place of radians, or the reverse.
+
+    Raises:
+        RequestError: they are.
+    """
+    if rates.ratio != 1.0:
+        problem = f"expected {unit}, got {rates.ratio:.3g} times the change of the samples"
+        raise RequestError(place, f"{problem}; convert it between degrees and radians")
+
+
+def _stamp(time_ns: int, now_ns: int, ahead: float = AHEAD) -> int:
+    """Return the time of a sample, which may be *ahead* of now, s.
 
     Raises:
         RequestError: it is no time, of another clock, or too far ahead or ago.
     """
-    check_stamp("time_ns", time_ns, now_ns, ahead=AHEAD)
+    check_stamp("time_ns", time_ns, now_ns, ahead=ahead)
     return time_ns or now_ns
 
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import exp as exp_of
-from math import factorial, sqrt
+from math import factorial, pi, sqrt
 from typing import Generic, TypeVar
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import difference, exp, multiply, norm, normalize, plus
+from orientd.floats import difference, dot, exp, multiply, norm, normalize, plus
 
 Place = TypeVar("Place", Quaternion, Vector3)
 
@@ -65,6 +65,16 @@ STILL = 1e-4
 
 BENT = 0.08
 """Time after the newest sample from which the rate is held constant, s."""
+
+DEGREES = 180.0 / pi
+SIMILAR = 0.2
+"""How far the rates may be from :data:`DEGREES` times too large, relative to that."""
+
+COMPARED = 20
+"""Samples over which rates are compared with the places."""
+
+CORRELATED = 0.95
+"""Least correlation of rates and places at which their ratio counts."""
 
 _NOTHING = 1e-12
 
@@ -136,11 +146,45 @@ class Derivatives:
         return sqrt(3.0 * (self._covariance[0][0] + self._noise))
 
 
+class RateCheck:
+    """Compare the rates of samples with the change of their places.
+
+    Both are least squares over the newest samples.  Noise of the places does not correlate with the
+    rates, so it decides nothing.
+    """
+
+    def __init__(self) -> None:
+        """Know no sample yet."""
+        self._along = self._turned = self._rated = 0.0
+        self._samples = 0
+
+    def note(self, change: Vector3, expected: Vector3) -> None:
+        """Note a change of the place, and the change that the rates say."""
+        self._samples += 1
+        self._along += dot(change, expected) - self._along / COMPARED
+        self._turned += dot(change, change) - self._turned / COMPARED
+        self._rated += dot(expected, expected) - self._rated / COMPARED
+
+    @property
+    def ratio(self) -> float:
+        """How many times too large the rates are; 1 unless that is about degrees to radians."""
+        if self._samples < COMPARED or min(self._turned, self._rated) <= STILL * STILL:
+            return 1.0
+        if self._along < CORRELATED * sqrt(self._turned * self._rated):
+            return 1.0
+        ratio = self._rated / self._along
+        for unit in (DEGREES, 1.0 / DEGREES):
+            if abs(ratio / unit - 1.0) < SIMILAR:
+                return ratio
+        return 1.0
+
+
 class Predictor(Generic[Place]):
     """Predict a place, an orientation or a point, from stamped samples.
 
     Attributes:
         time_ns: time of the newest sample, monotonic clock; 0 without a sample.
+        rates: whether the rates of the samples fit the places.
     """
 
     def __init__(
@@ -163,7 +207,9 @@ class Predictor(Generic[Place]):
         self._places = Derivatives(SPREADS, LEAST_NOISE, MOST_NOISE)
         self._has_rate = False
         self._place: Place | None = None
+        self._sample: tuple[Place, Vector3, int] | None = None
         self.time_ns = 0
+        self.rates = RateCheck()
 
     def take(self, place: Place, rate: Vector3 | None, time_ns: int) -> bool:
         """Accept a sample.
@@ -174,17 +220,29 @@ class Predictor(Generic[Place]):
             time_ns: time of the sample.
 
         Returns:
-            Whether it is newer than the samples before.
+            Whether it is newer than the samples before, and the rates fit the places.
         """
         if self._place is not None and time_ns <= self.time_ns:
             return False
         if rate is not None:
             rate = plus(ZERO, rate, 1.0 / self._size)
+        self._compare(place, rate, time_ns)
+        if self.rates.ratio != 1.0:
+            return False
         if not self._continues(place, rate, time_ns):
             self._place, self._has_rate = place, rate is not None
             (self._places if rate is None else self._rates).begin(rate or ZERO)
         self.time_ns = time_ns
         return True
+
+    def _compare(self, place: Place, rate: Vector3 | None, time_ns: int) -> None:
+        """Compare the rates of this sample and the one before with the change between them."""
+        before, self._sample = self._sample, None if rate is None else (place, rate, time_ns)
+        if before is None or rate is None or not 0 < time_ns - before[2] <= LONGEST_NS:
+            return
+        change = plus(ZERO, self._between(before[0], place), 1.0 / self._size)
+        expected = plus(before[1], rate, 1.0)
+        self.rates.note(change, plus(ZERO, expected, 0.5e-9 * (time_ns - before[2])))
 
     def _continues(self, place: Place, rate: Vector3 | None, time_ns: int) -> bool:
         """Whether a sample continues the motion of the samples before; if so, take it."""

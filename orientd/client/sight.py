@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from math import atan2, hypot, radians
 from typing import Literal
 
-from orientd.client.prediction import moving, turning
+from orientd.client.prediction import RateCheck, moving, turning
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import (
     combine,
@@ -97,8 +97,13 @@ class PointSight(Sight):
         self._predictor = moving(distance)
         self._q_base, self._q_axis_flange = q_base, conjugate(q_flange_axis)
 
+    @property
+    def rates(self) -> RateCheck:
+        """Whether the velocities of the samples fit their points."""
+        return self._predictor.rates
+
     def take(self, point: Vector3, velocity: Vector3 | None, time_ns: int) -> bool:
-        """Accept a sample, m and m/s; return whether it is newer than those before."""
+        """Accept a sample, m and m/s; return whether it counts; see :class:`.Predictor`."""
         return self._predictor.take(point, velocity, time_ns)
 
     def at(self, time_ns: int, last: Quaternion) -> tuple[Quaternion, Vector3]:
@@ -127,8 +132,13 @@ class TurnSight(Sight):
         """Create it without a sample."""
         self._predictor = turning()
 
+    @property
+    def rates(self) -> RateCheck:
+        """Whether the angular velocities of the samples fit their orientations."""
+        return self._predictor.rates
+
     def take(self, q: Quaternion, omega_body: Vector3 | None, time_ns: int) -> bool:
-        """Accept a sample, rad/s; return whether it is newer than those before."""
+        """Accept a sample, rad/s; return whether it counts; see :class:`.Predictor`."""
         return self._predictor.take(q, omega_body, time_ns)
 
     def at(self, time_ns: int, last: Quaternion) -> tuple[Quaternion, Vector3]:  # noqa: ARG002 - no roll is free

@@ -1083,7 +1083,7 @@ class TrackRequest(_message.Message):
     def __init__(self, start: _Optional[_Union[TrackStart, _Mapping]] = ..., target: _Optional[_Union[TrackTarget, _Mapping]] = ..., chunk: _Optional[_Union[TrackChunk, _Mapping]] = ...) -> None: ...
 
 class ChunkReport(_message.Message):
-    __slots__ = ("chunks", "live", "stale", "skipped", "starved", "largest_seam", "behind", "largest_behind", "least_left", "lag")
+    __slots__ = ("chunks", "live", "stale", "skipped", "starved", "largest_seam", "behind", "largest_behind", "least_left", "lag", "position_behind", "largest_position_behind", "position_lag")
     CHUNKS_FIELD_NUMBER: _ClassVar[int]
     LIVE_FIELD_NUMBER: _ClassVar[int]
     STALE_FIELD_NUMBER: _ClassVar[int]
@@ -1094,6 +1094,9 @@ class ChunkReport(_message.Message):
     LARGEST_BEHIND_FIELD_NUMBER: _ClassVar[int]
     LEAST_LEFT_FIELD_NUMBER: _ClassVar[int]
     LAG_FIELD_NUMBER: _ClassVar[int]
+    POSITION_BEHIND_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_POSITION_BEHIND_FIELD_NUMBER: _ClassVar[int]
+    POSITION_LAG_FIELD_NUMBER: _ClassVar[int]
     chunks: int
     live: int
     stale: int
@@ -1104,10 +1107,13 @@ class ChunkReport(_message.Message):
     largest_behind: float
     least_left: float
     lag: float
-    def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., least_left: _Optional[float] = ..., lag: _Optional[float] = ...) -> None: ...
+    position_behind: float
+    largest_position_behind: float
+    position_lag: float
+    def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., least_left: _Optional[float] = ..., lag: _Optional[float] = ..., position_behind: _Optional[float] = ..., largest_position_behind: _Optional[float] = ..., position_lag: _Optional[float] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
-    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at", "ended")
+    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at", "ended", "position_error")
     STATE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -1121,6 +1127,7 @@ class TrackResponse(_message.Message):
     POSITION_FIELD_NUMBER: _ClassVar[int]
     HELD_AT_FIELD_NUMBER: _ClassVar[int]
     ENDED_FIELD_NUMBER: _ClassVar[int]
+    POSITION_ERROR_FIELD_NUMBER: _ClassVar[int]
     state: State
     q: Quaternion
     omega_body: Vector3
@@ -1134,7 +1141,8 @@ class TrackResponse(_message.Message):
     position: Vector3
     held_at: str
     ended: str
-    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., held_at: _Optional[str] = ..., ended: _Optional[str] = ...) -> None: ...
+    position_error: float
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., held_at: _Optional[str] = ..., ended: _Optional[str] = ..., position_error: _Optional[float] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
     __slots__ = ("lease_token", "device")

@@ -102,6 +102,29 @@ def test_positions_are_played_too(robot):
     assert to_vector(device.cycle.position) == pytest.approx((0.03, 0.02, 0.0), abs=1e-4)
 
 
+def test_a_position_that_the_limits_hold_back_is_told_in_metres(robot):
+    with robot.play(limits={"linear_velocity": 0.02}) as play:
+        places = np.tile(to_vector(play.report.position), (30, 1))
+        places[:, 0] += np.linspace(0.0, 0.1, 30)
+        play.chunk(about_z(np.zeros(30)), rate=RATE, positions=places)
+        until(lambda: play.timing().position_lag > 0.0, "a report on the way")
+    timing = play.timing()
+    assert timing.largest_position_behind == pytest.approx(0.08, abs=0.01)
+    assert timing.position_behind < 1e-4
+    assert (timing.largest_behind, timing.lag) == (0.0, 0.0)
+
+
+def test_the_distance_to_a_target_is_reported_in_metres(robot):
+    with robot.track() as tracking:
+        tracking.aim(Q(w=1, x=0, y=0, z=0))
+        until(lambda: tracking.report.HasField("error"), "the target")
+        assert not tracking.report.HasField("position_error")
+        x, y, z = to_vector(tracking.report.position)
+        tracking.aim(Q(w=1, x=0, y=0, z=0), position=[x + 0.05, y, z], time_to_live=5.0)
+        until(lambda: tracking.report.position_error > 0.01, "a report on the way")
+        until(lambda: tracking.report.position_error < 1e-6, "the position")
+
+
 def test_a_noisy_chunk_is_smoothed_within_its_tolerance(robot):
     noise = 0.002 * (-1.0) ** np.arange(30)
     poses = [*about_z(0.01 * np.arange(30) + noise), {"rotation_vector": [math.nan, 0.0, 0.0]}]

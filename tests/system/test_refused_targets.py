@@ -201,6 +201,7 @@ def test_a_chunk_that_is_late_as_a_whole_is_counted_and_told(robot, warnings):
         until(lambda: play.timing().stale == 16, "the poses")
     assert "its last pose was due 0.1" in play.timing().refusal
     assert play.timing().longest_inference == pytest.approx(0.5, abs=1e-6)
+    assert play.timing().starved == 1
     until(lambda: warnings, "the event")
     assert warnings[0].startswith("a client's targets: chunk: its last pose was due 0.1")
     assert "so none is played; send longer chunks, or stamp them later" in warnings[0]

@@ -1,6 +1,7 @@
 """A device of orientd as a robot of LeRobot."""
 
 import math
+import time
 from collections.abc import Sequence
 
 from lerobot.processor import RobotAction, RobotObservation
@@ -103,8 +104,8 @@ class Orientd(Robot):
     def send_action(self, action: RobotAction) -> RobotAction:
         """Send one pose as the target; return it.
 
-        The device follows within its limits.  It comes to rest if no action follows within the
-        time to live.
+        The device follows within its limits, and is there one period of the loop later.  It comes
+        to rest if no action follows within the time to live.
 
         Raises:
             RequestError: a number of the pose is not finite.
@@ -118,6 +119,7 @@ class Orientd(Robot):
         self._play.aim(
             {"rotation_vector": vector},
             position=(x, y, z),
+            time_ns=time.monotonic_ns() + round(1e9 / self.config.fps),
             time_to_live=self.config.time_to_live,
         )
         return dict(zip(POSE, pose, strict=True))

@@ -13,6 +13,7 @@ from lerobot.robots.utils import make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
 
+from orientd.client import Playing
 from orientd.errors import RequestError
 
 
@@ -97,6 +98,20 @@ def test_an_action_is_followed_and_observed_with_its_age(robot):
     assert observation.keys() == robot.observation_features.keys()
     assert robot.action_features.keys() == target.keys()
     assert observation["ee.age"] >= 0.0
+
+
+def test_an_action_is_due_one_period_after_it_is_sent(robot, monkeypatch):
+    stamps = []
+    monkeypatch.setattr(Playing, "aim", lambda *_, time_ns, **__: stamps.append(time_ns))
+    sent_ns = time.monotonic_ns()
+    robot.send_action(pose())
+    period_ns = round(1e9 / robot.config.fps)
+    assert sent_ns + period_ns <= stamps[0] <= time.monotonic_ns() + period_ns
+
+
+def test_a_rate_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="fps: expected more than 0, got 0"):
+        RobotConfig.get_choice_class("orientd")(fps=0)
 
 
 @pytest.mark.parametrize("name", ["ee.x", "ee.wz"])

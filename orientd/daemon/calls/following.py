@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator
+from math import dist
 
 from orientd.daemon.device import Device, EventKind
-from orientd.driver import Quaternion
+from orientd.driver import Quaternion, Vector3
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.targets import poses_from_message, target_from_message
+from orientd.protocol.targets import AimedAt, poses_from_message, target_from_message
 from orientd.protocol.values import quaternion, vector
 
 SPACING = 10.0
@@ -32,7 +33,7 @@ class Following:
         self._chunks, _ = device.targets.chunks
         self._refused = self._skipped = 0
         self._refusal = ""
-        self._newest: Quaternion | None = None
+        self._newest: AimedAt | None = None
         self._untold, self._told = 0, -SPACING
 
     def take(self, message: pb.TrackTarget) -> None:
@@ -43,7 +44,7 @@ class Following:
         except OrientdError as error:
             self.refuse(str(error))
         else:
-            self._newest = target.q
+            self._newest = target
 
     def take_chunk(self, message: pb.TrackChunk) -> None:
         """Give the servo a chunk; count one that is not well formed, and poses that are none."""
@@ -90,6 +91,7 @@ class Following:
         given, left_out = self._device.targets.written
         chunks, found = self._device.targets.chunks
         chunks -= self._chunks
+        error, position_error = self._errors(cycle.q, cycle.position)
         return pb.TrackResponse(
             chunks=pb.ChunkReport(
                 chunks=chunks,
@@ -102,6 +104,9 @@ class Following:
                 largest_behind=found.farthest,
                 least_left=found.least_left,
                 lag=found.lag,
+                position_behind=found.position_behind,
+                largest_position_behind=found.position_farthest,
+                position_lag=found.position_lag,
             )
             if chunks
             else None,
@@ -114,9 +119,18 @@ class Following:
             left_out=left_out - self._left_out,
             refused=self._refused,
             refusal=self._refusal,
-            error=None if self._newest is None else norm(difference(cycle.q, self._newest)),
+            error=error,
+            position_error=position_error,
             held_at=now.held_at,
         )
+
+    def _errors(self, q: Quaternion, position: Vector3) -> tuple[float | None, float | None]:
+        """Return how far a setpoint is from the newest target, rad and m, as far as that says."""
+        newest = self._newest
+        if newest is None:
+            return None, None
+        away = None if newest.position is None else dist(position, newest.position)
+        return norm(difference(q, newest.q)), away
 
 
 async def read_targets(requests: AsyncIterator[pb.TrackRequest], following: Following) -> None:

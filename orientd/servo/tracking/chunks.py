@@ -20,7 +20,8 @@ from orientd.tolerances import NORM_TOLERANCE
 
 LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD = range(1, 7)
 LEFT_WORD, LAG_WORD = 7, 8
-"""Words of the ring; angles in nanoradians, times in nanoseconds."""
+PLACE_BEHIND_WORD, PLACE_FARTHEST_WORD, PLACE_LAG_WORD = 9, 10, 11
+"""Words of the ring; angles in nanoradians, distances in nanometres, times in nanoseconds."""
 
 _ZERO_LEFT = 1 << 63
 """No time left of a chunk, in the word for that, which has no sign; 0 if it is not known."""
@@ -32,13 +33,16 @@ class ChunkReport(NamedTuple):
     Attributes:
         live: poses of the newest chunk that were still to come when the servo took it.
         stale: poses of all chunks that were not, so far.
-        starved: how many chunks came after the poses had run out.
+        starved: how many chunks came after the poses had run out, with poses to come or without.
         seam: largest angle by which a chunk contradicted the one before, rad.
         behind: angle from the last setpoint to the poses, rad: the limits cut it off.
         farthest: the largest that it has been, rad.
         lag: delay behind the poses that fits the last second best, s.
         least_left: least time that was left of a chunk when the next one came, s; negative if the
             poses had run out, ``None`` before the second one.
+        position_behind: distance from the last setpoint to the position of the poses, m.
+        position_farthest: the largest that it has been, m.
+        position_lag: delay of the position that fits the last second best, s.
     """
 
     live: int
@@ -49,6 +53,9 @@ class ChunkReport(NamedTuple):
     farthest: float
     lag: float
     least_left: float | None
+    position_behind: float
+    position_farthest: float
+    position_lag: float
 
 
 class Chunk(NamedTuple):
@@ -93,10 +100,12 @@ def read_chunk(fields: Sequence[Any]) -> Chunk | None:
 
 def read_report(ring: RecordRing) -> ChunkReport:
     """Return how chunks have been followed."""
-    live, stale, starved, seam, behind, farthest, left, lag = ring.words[LIVE_WORD : LAG_WORD + 1]
+    words = ring.words
+    live, stale, starved, seam, behind, farthest, left, lag = words[LIVE_WORD : LAG_WORD + 1]
     least_left = 1e-9 * (left - _ZERO_LEFT) if left else None
     angles = 1e-9 * seam, 1e-9 * behind, 1e-9 * farthest
-    return ChunkReport(live, stale, starved, *angles, 1e-9 * lag, least_left)
+    of_place = (1e-9 * word for word in words[PLACE_BEHIND_WORD : PLACE_LAG_WORD + 1])
+    return ChunkReport(live, stale, starved, *angles, 1e-9 * lag, least_left, *of_place)
 
 
 def write_report(ring: RecordRing, preview: Preview) -> None:
@@ -109,14 +118,26 @@ def write_report(ring: RecordRing, preview: Preview) -> None:
 
 def write_distance(ring: RecordRing, behind: float, lag: float) -> None:
     """Write how far the setpoints are behind the poses: an angle, rad, and a delay, s."""
-    ring.words[BEHIND_WORD] = size = round(1e9 * behind)
-    ring.words[FARTHEST_WORD] = max(ring.words[FARTHEST_WORD], size)
-    ring.words[LAG_WORD] = round(1e9 * lag)
+    _write_distance(ring, BEHIND_WORD, behind, lag_word=LAG_WORD, lag=lag)
+
+
+def write_position_distance(ring: RecordRing, behind: float, lag: float) -> None:
+    """Write how far the setpoints are behind the position of the poses: m, and a delay, s."""
+    _write_distance(ring, PLACE_BEHIND_WORD, behind, lag_word=PLACE_LAG_WORD, lag=lag)
+
+
+def _write_distance(
+    ring: RecordRing, word: int, behind: float, *, lag_word: int, lag: float
+) -> None:
+    """Write a distance, the largest so far into the next *word*, and a delay."""
+    ring.words[word] = size = round(1e9 * behind)
+    ring.words[word + 1] = max(ring.words[word + 1], size)
+    ring.words[lag_word] = round(1e9 * lag)
 
 
 def clear_report(ring: RecordRing) -> None:
     """Begin again."""
-    for word in range(LIVE_WORD, LAG_WORD + 1):
+    for word in range(LIVE_WORD, PLACE_LAG_WORD + 1):
         ring.words[word] = 0
 
 

@@ -42,8 +42,8 @@ CATCHING_UP = 0.01
 REMEMBERED = 1.0
 """How long a gap to the reference counts for the lag, s."""
 
-STANDING = 0.01
-"""Angular velocity of the reference up to which a gap to it is no lag, rad/s: noise of poses."""
+STANDING, STANDING_PLACE = 0.01, 0.001
+"""Speed of the reference up to which a gap to it is no lag, rad/s and m/s: noise of poses."""
 
 LONGEST_LAG = 60.0
 """Largest lag that is reported, s: no pose of a chunk is farther ahead."""
@@ -96,6 +96,28 @@ class PreviewState(NamedTuple):
     next_acceleration: Vector3
 
 
+class Lag:
+    """The delay of the setpoints behind the reference that fits the last second best.
+
+    Attributes:
+        seconds: that delay, s; 0 if the reference stands still.
+    """
+
+    def __init__(self, period: float, standing: float) -> None:
+        """Know no gap yet; a reference no faster than *standing*, rad/s or m/s, stands still."""
+        self._kept, self._standing = 1.0 - period / REMEMBERED, standing
+        self._slipped = self._swept = self.seconds = 0.0
+
+    def note(self, gap: Vector3, rate: Vector3) -> None:
+        """Note the way from a setpoint to the reference, rad or m, and the rate of that."""
+        if norm(rate) <= self._standing:
+            rate = ZERO
+        self._slipped = self._kept * self._slipped + dot(gap, rate)
+        self._swept = self._kept * self._swept + dot(rate, rate)
+        lag = self._slipped / self._swept if self._swept > 0.0 else 0.0
+        self.seconds = min(max(lag, 0.0), LONGEST_LAG)
+
+
 class Preview:
     """The curve of the chunks that have come.
 
@@ -106,8 +128,9 @@ class Preview:
         seam: largest angle by which a chunk contradicted the one before, rad: at its first live
             pose.
         least_left_ns: least time that was left of a chunk when the next one came.
-        starved: how many chunks came after the poses had run out.
-        lag: delay of the setpoints that fits the last second best, s; 0 if the poses stand still.
+        starved: how many chunks came after the poses had run out, with poses to come or without.
+        lag: delay of the orientation.
+        position_lag: delay of the position.
     """
 
     def __init__(
@@ -137,8 +160,9 @@ class Preview:
         self.has_positions = False
         self.live = self.stale = self.starved = 0
         self.least_left_ns: int | None = None
-        self.seam = self.lag = 0.0
-        self._slipped = self._swept = 0.0
+        self.seam = 0.0
+        self.lag = Lag(self._period, STANDING)
+        self.position_lag = Lag(self._period, STANDING_PLACE)
 
     @property
     def is_on(self) -> bool:
@@ -179,6 +203,7 @@ class Preview:
         first = bisect_right(knots, sent_ns, key=_time_of)
         self.stale += first
         if first == len(knots):
+            self.starved += not self._knots or self.end.time_ns <= sent_ns
             return "every pose of the chunk has passed"
         self._arrivals.note(self.end.time_ns if self._knots else None, sent_ns)
         given = knots[max(first - 1, 0) :]
@@ -336,16 +361,6 @@ class Preview:
         acceleration = combine(velocity, 1.0 / h, before.velocity, -1.0 / h)
         self._state = Motion(q, omega, alpha, position, velocity, acceleration)
         return PreviewState(*before, alpha, acceleration)
-
-    def note_gap(self, gap: Vector3, omega: Vector3) -> None:
-        """Note the rotation vector from a setpoint to the reference, and the velocity of that."""
-        kept = 1.0 - self._period / REMEMBERED
-        if norm(omega) <= STANDING:
-            omega = ZERO
-        self._slipped = kept * self._slipped + dot(gap, omega)
-        self._swept = kept * self._swept + dot(omega, omega)
-        lag = self._slipped / self._swept if self._swept > 0.0 else 0.0
-        self.lag = min(max(lag, 0.0), LONGEST_LAG)
 
     def _motion_at(self, time_ns: int) -> Motion:
         """Return the curve at an instant, with differences to the two periods before it."""

@@ -31,6 +31,7 @@ from orientd.servo.tracking.chunks import (
     clear_report,
     read_chunk,
     write_distance,
+    write_position_distance,
     write_report,
 )
 from orientd.servo.tracking.steering import position_command
@@ -161,7 +162,8 @@ class TargetFollower:
         if self._ring.words[HELD_WORD] != self.tracker.held + 1:
             self._ring.words[HELD_WORD] = self.tracker.held + 1
         if self.tracker.preview.is_on:
-            write_distance(self._chunks, self.tracker.behind, self.tracker.preview.lag)
+            write_distance(self._chunks, self.tracker.behind, self.tracker.preview.lag.seconds)
+            self._write_position_distance()
         position = self._position() or guard.braked_position(servo_limits)
         if is_stopping or self.foresight is None:
             return point, position
@@ -223,6 +225,16 @@ class TargetFollower:
         acceleration = advance(guard.velocity, guard.acceleration, wanted, loose)
         velocity = plus(guard.velocity, acceleration, h)
         return plus(guard.position, velocity, h)
+
+    def _write_position_distance(self) -> None:
+        """Write how far the last setpoint is behind the position of the chunks."""
+        place, lag = self.tracker.place, self.tracker.preview.position_lag
+        behind = 0.0
+        if place is not None:
+            gap = plus(place.position, self._guard.position, -1.0)
+            behind = norm(gap)
+            lag.note(gap, place.velocity)
+        write_position_distance(self._chunks, behind, lag.seconds)
 
     def _take_targets(self, now_ns: int) -> None:
         """Take the targets that have arrived."""

@@ -351,7 +351,7 @@ class Tracker:
             return ReferenceState(end.q, ZERO, ZERO)
         gap = difference(self._q, found.q)
         self.behind = norm(gap)
-        preview.note_gap(gap, found.omega)
+        preview.lag.note(gap, found.omega)
         return found
 
     def _must_brake(self, q: Quaternion, left: float) -> bool:

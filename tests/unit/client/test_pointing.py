@@ -1,6 +1,7 @@
 """A device keeps pointing at moving targets and from a moving base, within its limits."""
 
 from math import atan2, cos, hypot, pi, sin
+from random import Random
 
 import pytest
 from pointing_world import (
@@ -269,6 +270,74 @@ def test_malformed_arguments_are_refused_and_change_nothing(call):
     with pytest.raises(RequestError):
         session.now(lambda: call(session))
     assert session.sent == []
+
+
+def test_a_base_that_is_stamped_ahead_of_the_clock_is_refused_and_blinds_nothing():
+    session = Session()
+    session.now(lambda: session.base(as_user(IDENTITY), time_ns=session.now_ns))
+    ahead = session.now_ns + 900_000_000
+    with pytest.raises(RequestError, match=r"time_ns: expected at most 0.05 s ahead, got 0.9 s; "):
+        session.now(lambda: session.base(as_user(IDENTITY), time_ns=ahead))
+    session.run(0.02)
+    session.now(lambda: session.base(as_user(IDENTITY), time_ns=session.now_ns))
+    assert session.now(lambda: session.base_report)[:2] == (2, 0)
+
+
+def refused(session, call):
+    """Return the problems of a stream of samples for 3 s, each with its time, s."""
+    start_ns, problems = session.now_ns, []
+
+    def sample(t, stamp_ns):
+        try:
+            call(t, stamp_ns)
+        except RequestError as error:
+            problems.append(((session.now_ns - start_ns) / NS, str(error)))
+
+    session.stream(3.0, sample)
+    session.run(3.0)
+    return problems
+
+
+@pytest.mark.parametrize(
+    ("wrong", "times"), [(180.0 / pi, "57.3"), (pi / 180.0, "0.0175"), (1.5, ""), (-57.3, "")]
+)
+def test_rates_of_a_base_in_degrees_are_refused_by_name(wrong, times):
+    session, base = Session(), swung(0.3, LIMITS)
+
+    def call(t, stamp_ns):
+        omega = tuple(wrong * x for x in rate_of(base, t))
+        session.base(as_user(base(t)), angular_velocity=omega, time_ns=stamp_ns)
+
+    session.now(lambda: session.look_at([30.0, 10.0, 5.0]))
+    problems = refused(session, call)
+    assert bool(problems) is bool(times)
+    if times:
+        began, problem = problems[0]
+        assert began < 1.0
+        assert problem.startswith(f"angular_velocity: expected rad/s, got {times} times the change")
+        assert session.now(lambda: session.base_report).is_stale
+
+
+def test_rates_of_a_direction_in_radians_are_refused_by_name():
+    session = Session()
+
+    def call(t, stamp_ns):
+        turn = 40.0 * sin(t)
+        rate = 40.0 * cos(t) * pi / 180.0
+        session.point(turn, 10.0, azimuth_rate=rate, time_ns=stamp_ns)
+
+    problems = refused(session, call)
+    assert "azimuth_rate, elevation_rate: expected degrees/s, got 0.017" in problems[0][1]
+
+
+def test_a_noisy_base_at_rest_is_never_taken_for_one_in_degrees():
+    session, random = Session(), Random(1)
+
+    def call(t, stamp_ns):
+        shake = [random.gauss(0.0, 1e-3) for _ in range(6)]
+        session.base(as_user(exp(shake[:3])), angular_velocity=shake[3:], time_ns=stamp_ns)
+
+    assert refused(session, call) == []
 
 
 def test_a_base_that_is_sampled_faster_than_targets_are_useful_is_thinned_out():

@@ -124,6 +124,38 @@ def test_poses_faster_than_the_limits_leave_a_lag():
     assert 0.1 < report.lag < report.behind / speed
 
 
+def test_positions_faster_than_the_limits_are_behind_by_a_distance_and_a_delay():
+    rig, speed = playing(), 1.2 * LIMITS.linear_velocity
+    begin = rig.clock.now_ns() / NS - 1.0
+    for _ in range(8):
+        now_ns = rig.clock.now_ns()
+        chunk(rig, now_ns - NS // 10, motion=lambda t: (exp(ZERO), (0.0, 0.0, speed * (t - begin))))
+        rig.run(60)
+    report, last = read_report(rig.memory.chunks), rig.driver.setpoints[-1]
+    missing = speed * (last.time_ns / NS - 1.0 - begin) - last.position[2]
+    assert report.position_behind == pytest.approx(missing, abs=3.0 * PERIOD * speed)
+    assert report.position_farthest >= report.position_behind > 0.05
+    assert 0.05 < report.position_lag < report.position_behind / speed
+    assert report.lag == 0.0
+
+
+def test_chunks_that_are_all_late_have_starved_the_device():
+    rig = playing()
+    for _ in range(3):
+        chunk(rig, rig.clock.now_ns() - NS)
+        rig.run(50)
+    assert read_report(rig.memory.chunks).starved == 3
+
+
+def test_a_late_chunk_starves_no_device_that_has_poses_left():
+    rig = playing()
+    chunk(rig, rig.clock.now_ns())
+    rig.run(10)
+    chunk(rig, rig.clock.now_ns() - NS)
+    rig.run(10)
+    assert read_report(rig.memory.chunks).starved == 0
+
+
 def test_a_chunk_far_ahead_waits_for_its_time():
     rig = playing()
     chunk(rig, rig.clock.now_ns() + 2 * NS, motion=lambda t: (exp((0.0, 0.0, 0.3)), ZERO))
