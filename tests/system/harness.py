@@ -101,6 +101,12 @@ class Machine:
         except (FileNotFoundError, ProcessLookupError):
             return False
 
+    def children(self, pid: int) -> set[int]:
+        """Return the running processes that any thread of *pid* has started."""
+        tasks = Path(f"/proc/{pid}/task").glob("*/children")
+        found = {int(child) for task in tasks for child in task.read_text().split()}
+        return set(filter(self.is_alive, found))
+
     def kill(self, pid: int, number: int) -> None:
         """Send a signal."""
         os.kill(pid, number)
@@ -404,9 +410,7 @@ def run_first(pid: int) -> None:
 
 def children(pid: int) -> set[int]:
     """Return the running processes that any thread of *pid* has started."""
-    tasks = Path(f"/proc/{pid}/task").glob("*/children")
-    found = {int(child) for task in tasks for child in task.read_text().split()}
-    return set(filter(is_alive, found))
+    return MACHINE.children(pid)
 
 
 @contextlib.contextmanager

@@ -1,43 +1,30 @@
-"""Processes in virtual time: a daemon or a servo is a group of tasks."""
+"""Processes in virtual time: each is a group of tasks."""
 
 from __future__ import annotations
 
 import asyncio
-import getpass
-import itertools
 import os
 import signal
 import subprocess
 import time
 from types import SimpleNamespace
 
-import grpc
-from channel import CallError
 from direct_planners import DirectPlanners
 from serial_lines import SerialLines
-from virtual_time import VirtualLoop
 
-from orientd import config
-from orientd.clock import MonotonicClock
-from orientd.config import Role
-from orientd.daemon import server
-from orientd.daemon.access.identity import Caller, Identity
-from orientd.daemon.calls.service import Service
 from orientd.daemon.device import EventKind, device
 from orientd.daemon.device.servo_process import ServoProcess
-from orientd.daemon.devices import Devices
-from orientd.daemon.workers import Threads
 from orientd.recorder import flight
 from orientd.recorder.writer import RecordingError
 from orientd.servo import process as servo_process
 
 PLANNING = (0.002, 0.01, 0.03, 0.3)
-"""Times that a plan may take, s, the last on a busy machine only; the seed decides."""
+"""Times that a plan may take, s; the seed decides."""
 
 WRITING = 0.3
 """Time that a file of the flight recorder takes, s."""
 
-_NUMBERS = itertools.count(1)
+_getpid = os.getpid
 
 
 class Process:
@@ -48,12 +35,16 @@ class Process:
         pid: a number that no real process has.
     """
 
-    stdin = stdout = stderr = log = None
+    stdin = stdout = stderr = None
 
     def __init__(self, scheduler, kind):
-        number = next(_NUMBERS)
-        self._scheduler = scheduler
+        number = next(scheduler.numbers)
+        self._scheduler, self._at_end = scheduler, []
         self.group, self.pid, self.returncode = f"{kind} {number}", 10_000_000 + number, None
+
+    def at_end(self, callback):
+        """Have *callback* called when it has ended, whichever way."""
+        self._at_end.append(callback)
 
     def poll(self):
         return self.returncode
@@ -65,10 +56,6 @@ class Process:
                 raise subprocess.TimeoutExpired(self.group, timeout)
             self._scheduler.sleep(0.001)
         return self.returncode
-
-    def communicate(self, *_, timeout=None):
-        self.wait(timeout)
-        return "", ""
 
     def kill(self):
         self.send_signal(signal.SIGKILL)
@@ -86,9 +73,15 @@ class Process:
         else:
             self._receive(number)
 
-    def _receive(self, number):
+    def end(self, returncode):
+        """End at once, with all of its tasks."""
+        self.returncode = returncode
         self._scheduler.kill(self.group)
-        self.returncode = -number
+        for callback in reversed(self._at_end):
+            callback()
+
+    def _receive(self, number):
+        self.end(-number)
 
 
 class Servo(ServoProcess):
@@ -130,9 +123,9 @@ class Planners(DirectPlanners):
 
     timeout = 60.0
 
-    def __init__(self, settings, random, times=PLANNING):
+    def __init__(self, settings, random):
         super().__init__(settings)
-        self._random, self._times = random, times
+        self._random = random
 
     def start(self):
         pass
@@ -141,7 +134,7 @@ class Planners(DirectPlanners):
         pass
 
     async def plan(self, plan_input, call, *, rank=None):
-        await asyncio.sleep(self._random.choice(self._times))
+        await asyncio.sleep(self._random.choice(PLANNING))
         return await super().plan(plan_input, call, rank=rank)
 
 
@@ -149,75 +142,9 @@ def written(_recorder, recorded):
     """Write a file of the flight recorder, which takes its time."""
     time.sleep(WRITING)
     try:
-        with os.fdopen(os.dup(recorded.fileno()), "rb") as given:
-            return EventKind.RECORDED, str(flight.write(given))
+        return EventKind.RECORDED, str(flight.write(recorded))
     except (RecordingError, OSError, ValueError) as error:
         return EventKind.RECORDING_FAILED, str(error)
-
-
-class Daemon(Process):
-    """One run of the daemon: its service and its loop.
-
-    Attributes:
-        is_serving: whether it answers calls.
-        calls: those that run.
-        caller: who calls it.
-    """
-
-    def __init__(self, world, path, socket):
-        super().__init__(world.scheduler, "daemon")
-        self._settings, self._socket = config.load(path), socket
-        self.loop = VirtualLoop(world.scheduler)
-        self.is_serving, self.calls = False, set()
-        user = f"user:{os.getuid()}"
-        identity = Identity(user, getpass.getuser(), Role.ADMINISTRATOR)
-        self.caller = Caller(SimpleNamespace(), "unix", identity)
-        self._ending = None
-        world.scheduler.spawn(self._run, "daemon", self.group)
-
-    def _run(self):
-        self.loop.run_until_complete(self._serve())
-        self.loop.close()
-        self.returncode = 0
-
-    async def _serve(self):
-        settings, life = self._settings, Threads(1, "life")
-        self._ending = asyncio.Event()
-        planners = Planners(settings.devices.values(), self._scheduler.random, PLANNING[:3])
-        devices = Devices(settings, planners=planners, clock=MonotonicClock())
-        self.service = Service(
-            devices,
-            keyframes=settings.access.keyframes,
-            socket=self._socket,
-            configuration="",
-            began=time.monotonic(),
-        )
-        await life.run(devices.launch)
-        expiring = asyncio.create_task(server._expire_leases(devices))
-        await life.run(devices.wait_ready, server.READY_TIMEOUT)
-        self.is_serving = True
-        await self._ending.wait()
-        expiring.cancel()
-        await life.run(devices.shutdown)
-        self.service.end_calls()
-        await asyncio.sleep(server.GRACE)
-        self._leave()
-        life.close()
-        devices.close()
-
-    def _receive(self, number):
-        if number in (signal.SIGTERM, signal.SIGINT):
-            self.loop.call_soon_threadsafe(self._ending.set)
-            return
-        super()._receive(number)
-        self.loop.abandon()
-        self._leave()
-
-    def _leave(self):
-        """Let every caller know that it has gone."""
-        self.is_serving = False
-        for call in list(self.calls):
-            call.end(CallError(grpc.StatusCode.UNAVAILABLE, "Socket closed"))
 
 
 class World:
@@ -225,47 +152,52 @@ class World:
 
     Attributes:
         scheduler: of their tasks.
-        environment: variables of their environment.
+        listeners: what answers calls, by the socket.
+        pipes: by the numbers that stand for their descriptors.
         lines: serial lines.
     """
 
     def __init__(self, scheduler):
-        self.scheduler, self.lines = scheduler, SerialLines(scheduler)
-        self._daemons, self._processes, self._parents, self.environment = {}, {}, {}, {}
+        self.scheduler, self.listeners, self.pipes = scheduler, {}, {}
+        self.lines = SerialLines(scheduler)
+        self._processes, self._parents = {}, {}
 
-    def start_daemon(self, path, socket):
-        daemon = self._daemons[str(socket)] = Daemon(self, path, socket)
-        self._processes[daemon.pid] = daemon
-        return daemon
+    def add(self, process):
+        """Add a process, whose parent is the present one."""
+        self._processes[process.pid] = self._processes[process.group] = process
+        self._parents[process.group] = self.present()
 
     def start_servo(self, settings, descriptor):
-        process, parent = Process(self.scheduler, "servo"), self.scheduler.current().group
-        self._processes[process.pid] = process
-        self._parents[process.group] = parent
+        process = Process(self.scheduler, "servo")
+        self.add(process)
 
         def run():
-            process.returncode = servo_process.run(descriptor, settings)
+            process.end(servo_process.run(descriptor, settings))
 
         self.scheduler.spawn(run, process.group, process.group)
         return process
-
-    def daemon_at(self, socket):
-        """Return the daemon that answers at a socket, or ``None``."""
-        daemon = self._daemons.get(str(socket))
-        return daemon if daemon is not None and daemon.is_serving else None
-
-    def log_of(self, group):
-        """Return the log of the daemon whose tasks are a group, or ``None``."""
-        return next((one.log for one in self._daemons.values() if one.group == group), None)
 
     def process(self, pid):
         """Return a process of this world, or ``None``."""
         return self._processes.get(pid)
 
+    def present(self):
+        """Return the process that runs, or ``None`` for the test."""
+        task = self.scheduler.current()
+        return self._processes.get(task.group) if task is not None else None
+
+    def pid(self):
+        """Return the number of the process that runs."""
+        present = self.present()
+        return _getpid() if present is None else present.pid
+
     def parent_pid(self):
-        """Return ``getppid`` of a servo: 1 after the end of its daemon."""
-        parent = self._parents[self.scheduler.current().group]
-        is_there = any(
-            one.group == parent and one.returncode is None for one in self._daemons.values()
-        )
-        return os.getpid() if is_there else 1
+        """Return ``getppid`` of a process: 1 after the end of its parent."""
+        parent = self._parents[self.present().group]
+        return parent.pid if parent is not None and parent.returncode is None else 1
+
+    def children(self, pid):
+        """Return the numbers of the running processes that a process has started."""
+        parent = self._processes[pid]
+        children = {self._processes[one] for one, of in self._parents.items() if of is parent}
+        return {one.pid for one in children if one.returncode is None}

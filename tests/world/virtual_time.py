@@ -16,6 +16,7 @@ import logging
 import math
 import queue
 import random
+import signal
 import threading
 import time
 import traceback
@@ -32,6 +33,8 @@ BEGIN_NS = 10**12
 class Task:
     """A task: a thread, or a process with one thread."""
 
+    daemon = False
+
     def __init__(self, scheduler, work, name, group):
         self.name, self.group = name, group
         self.greenlet = greenlet(self._run, parent=scheduler.hub)
@@ -39,6 +42,7 @@ class Task:
         self.turn = 0
         self.is_over = False
         self.joining = []
+        self.signals = deque()
 
     def _run(self, _woken):
         try:
@@ -59,6 +63,9 @@ class Scheduler:
         random: decides whatever is left open.
         problems: what a task ended by that was no orderly end.
         preemption: how likely a task is to wait before it takes a lock that is free.
+        own: of a group, exchanges what its process has for itself; called before and after its
+            tasks run.
+        numbers: of processes.
     """
 
     def __init__(self, seed):
@@ -68,8 +75,9 @@ class Scheduler:
         self.problems = []
         self.preemption = 0.0
         self.hub = getcurrent()
+        self.own = {}
         self._due = []
-        self._count = itertools.count()
+        self._count, self.numbers = itertools.count(), itertools.count(1)
         self._of = {}
         self._frozen = {}
         self._buried = []
@@ -84,6 +92,11 @@ class Scheduler:
 
     def current(self):
         return self._of.get(getcurrent())
+
+    def main(self):
+        """Return the task that the present process began with."""
+        group = self.current().group
+        return next(task for task in self._of.values() if task.group == group)
 
     def _put(self, task, at_ns, *, woken):
         entry = (at_ns, self.random.random(), next(self._count), task, task.turn, woken)
@@ -100,6 +113,8 @@ class Scheduler:
         asyncio._set_running_loop(None)  # of this thread, which all tasks share
         is_woken = self.hub.switch()
         asyncio._set_running_loop(loop)
+        while task.signals:
+            task.signals.popleft()()
         return is_woken
 
     def sleep(self, seconds):
@@ -115,6 +130,11 @@ class Scheduler:
     def wake(self, task):
         """End the wait of *task* at this instant."""
         self._put(task, self.now_ns, woken=True)
+
+    def interrupt(self, task, handle):
+        """Have *task* call *handle* before anything else, as Python handles a signal."""
+        task.signals.append(handle)
+        self.wake(task)
 
     def freeze(self, group):
         """Stop a process, as SIGSTOP does."""
@@ -174,10 +194,17 @@ class Scheduler:
                 continue
             self.now_ns = max(self.now_ns, at_ns)
             task.turn += 1
+            exchange = self.own.get(task.group, _nothing)
+            exchange()
             task.greenlet.switch(woken)
+            exchange()
             if task.is_over:
                 self._of.pop(task.greenlet, None)
         self.now_ns = max(self.now_ns, until_ns)
+
+
+def _nothing():
+    pass
 
 
 class VirtualLock:
@@ -196,8 +223,9 @@ class VirtualLock:
                 return False
             task = scheduler.current()
             self._waiting.append(task)
-            scheduler.wait(until_ns)
-            with contextlib.suppress(ValueError):
+            try:
+                scheduler.wait(until_ns)
+            finally:
                 self._waiting.remove(task)
         self._is_locked = True
         return True
@@ -283,6 +311,12 @@ class VirtualLoop(asyncio.BaseEventLoop):
         self._thread_id = None
         self.close()
 
+    def add_signal_handler(self, number, callback, *given):
+        signal.signal(number, lambda *_: self.call_soon_threadsafe(callback, *given))
+
+    def remove_signal_handler(self, number):
+        signal.signal(number, signal.SIG_DFL)
+
     def _process_events(self, events):
         pass
 
@@ -318,9 +352,12 @@ def virtual_time(scheduler):
         (threading, "Lock", lock),
         (threading, "RLock", threading._PyRLock),
         (threading, "get_ident", identity),
+        (threading, "current_thread", scheduler.current),
+        (threading, "main_thread", scheduler.main),
         (threading, "Thread", VirtualThread),
         (queue, "time", monotonic),
         (queue, "SimpleQueue", queue._PySimpleQueue),
+        (asyncio.events, "new_event_loop", lambda: VirtualLoop(scheduler)),
         (logging, "logThreads", False),
         (VirtualThread, "scheduler", scheduler),
     ]

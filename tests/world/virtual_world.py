@@ -9,24 +9,30 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import logging
 import os
+import secrets
 import threading
 from unittest import mock
 
 import harness
 from _pytest.runner import runtestprotocol
-from channel import Channel
-from logs import logs
+from channel import Channel, VirtualListener
+from planners import of_planners
 from processes import World, of_servos, written
+from programs import of_programs
 from serial_lines import of_serial_lines
+from stop_sockets import of_stop_sockets
 from virtual_time import Scheduler, VirtualThread, virtual_time
 
 from orientd.client.channel import Way
+from orientd.daemon import server
+from orientd.daemon.access.identity import look_up
 from orientd.daemon.observe import flight_recorder
 
 STEP_NS = 50_000_000
-LONGEST = 200.0
-"""Virtual time of a test without a mark ``timeout``, s."""
+LONGEST_NS = 200_000_000_000
+"""Virtual time of a test."""
 
 
 class _Timer:
@@ -65,21 +71,15 @@ class Machine(harness.Machine):
     def __init__(self, world):
         self._world = world
 
-    def start_daemon(self, it):
-        self._world.environment["XDG_STATE_HOME"] = str(it.folder / "state")
-        os.environ.update(self._world.environment)
-        process = self._world.start_daemon(it.config, it.socket)
-        process.log = it.log
-        while not process.is_serving:
-            self._world.scheduler.sleep(0.01)
-        return process
-
     def channel(self, socket):
         return Channel(self._world, socket)
 
     def is_alive(self, pid):
         process = self._world.process(pid)
         return process.poll() is None if process else super().is_alive(pid)
+
+    def children(self, pid):
+        return self._world.children(pid)
 
     def kill(self, pid, number):
         process = self._world.process(pid)
@@ -97,24 +97,27 @@ def running(world):
     replaced = [
         (harness, "MACHINE", machine),
         (os, "kill", machine.kill),
+        (os, "urandom", scheduler.random.randbytes),
+        (secrets, "token_hex", lambda count: scheduler.random.randbytes(count).hex()),
         (threading, "Timer", _ThreadTimer),
         (Way, "open", lambda way: Channel(world, way.socket)),
         (flight_recorder.FlightRecorder, "_made", written),
         (_Timer, "scheduler", scheduler),
+        (VirtualListener, "world", world),
+        (server, "Listener", VirtualListener),
         *of_servos(world, _Timer),
+        *of_stop_sockets(world),
+        *of_planners(world),
+        *of_programs(world),
         *of_serial_lines(world.lines),
     ]
-    with virtual_time(scheduler), logs(world), contextlib.ExitStack() as stack:
-        stack.enter_context(mock.patch.dict(os.environ, world.environment))
+    look_up(os.geteuid()).result()  # threads of its own find the names of users
+    level = logging.root.level
+    with virtual_time(scheduler), contextlib.ExitStack() as stack:
+        stack.callback(logging.root.setLevel, level)
         for owner, name, value in replaced:
             stack.enter_context(mock.patch.object(owner, name, value))
         yield
-
-
-def longest_of(item):
-    """Return the virtual time that a test may take, s."""
-    mark = item.get_closest_marker("timeout")
-    return LONGEST if mark is None else max(LONGEST, mark.args[0])
 
 
 class VirtualRunner:
@@ -130,14 +133,13 @@ class VirtualRunner:
             self._world, self._module = World(Scheduler(f"{self._seed} {module}")), module
         scheduler = self._world.scheduler
         with running(self._world):
-            longest_ns = round(longest_of(item) * 1e9)
-            ends_ns = scheduler.now_ns + longest_ns
+            ends_ns = scheduler.now_ns + LONGEST_NS
             work = functools.partial(runtestprotocol, item, nextitem=nextitem)
             task = scheduler.spawn(work, item.nodeid, "test")
             while not task.is_over:
                 if not scheduler.is_busy or scheduler.now_ns > ends_ns:
                     scheduler.fail(task, "nothing happens any more")
-                    ends_ns += longest_ns
+                    ends_ns += LONGEST_NS
                 scheduler.run(scheduler.now_ns + STEP_NS)
         if nextitem is None:
             self._world = None

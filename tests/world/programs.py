@@ -1,0 +1,251 @@
+"""Commands in virtual time: ``python -m orientd`` runs as the tasks of a process of the world.
+
+A command has its own standard streams, arguments, environment, directory and signals.  They are in
+the place of the test's while one of its tasks runs.
+"""
+
+from __future__ import annotations
+
+import _thread
+import concurrent.futures.thread  # noqa: F401 - the locks of a module that a world loads are its
+import contextlib
+import functools
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import click
+from processes import Process
+from virtual_pipes import Pipe, reader, writer
+
+from orientd.cli import interrupts, start
+from orientd.cli.commands import track
+from orientd.daemon import log, server
+from orientd.daemon.access import claim
+
+COMMAND = [sys.executable, "-m", "orientd"]
+
+_SHARED = [
+    (sys, "stdin"),
+    (sys, "stdout"),
+    (sys, "stderr"),
+    (sys, "argv"),
+    (sys, "warnoptions"),
+    (os, "environ"),
+    (click.globals, "_local"),
+    (logging.root, "handlers"),
+]
+"""What each process has for itself."""
+
+_REAL = {name: getattr(os, name) for name in ("read", "write", "chdir", "getcwd")}
+_OPEN, _WRITER, _LOCK, _POPEN = open, log.writer, claim._lock, subprocess.Popen
+
+
+class Program(Process):
+    """A command that runs, as :class:`subprocess.Popen` has it."""
+
+    def __init__(self, world, args, **options):
+        super().__init__(world.scheduler, "command")
+        self.args, self._world = args, world
+        self._signals = {signal.SIGINT: signal.default_int_handler}
+        text = options.get("text") or options.get("encoding")
+        pipes = world.pipes
+        own = {}
+        for name, given in ((name, options.get(name)) for name in ("stdin", "stdout", "stderr")):
+            is_input = name == "stdin"
+            if given == subprocess.PIPE or (is_input and given is None):
+                pipe = Pipe(world.scheduler)
+                pipes[pipe.number] = pipe
+                ours, theirs = (writer, reader) if is_input else (reader, writer)
+                own[name] = theirs(pipe, is_text=True)
+                self.at_end(own[name].close)
+                if given is None:
+                    pipe.end()
+                else:
+                    setattr(self, name, ours(pipe, is_text=bool(text)))
+            elif given == subprocess.STDOUT:
+                own[name] = own["stdout"]
+            else:
+                own[name] = self._opened(given, is_input)
+        environment = options.get("env")
+        self._own = [
+            *own.values(),
+            ["orientd", *map(str, args[len(COMMAND) :])],
+            ["default"],
+            dict(os.environ if environment is None else environment),
+            threading.local(),
+            [],
+        ]
+        self._directory = str(options.get("cwd") or Path.cwd())
+        world.add(self)
+        world.scheduler.own[self.group] = self._exchange
+        self._main = world.scheduler.spawn(self._run, self.group, self.group)
+
+    def _opened(self, given, is_input):
+        """Return a stream of a real file."""
+        if given is None or given == subprocess.DEVNULL:
+            stream = _OPEN(os.devnull, "r" if is_input else "w")
+        else:
+            descriptor = given if isinstance(given, int) else given.fileno()
+            stream = _OPEN(os.dup(descriptor), "r" if is_input else "w")
+        self.at_end(stream.close)
+        return stream
+
+    def _exchange(self):
+        """Exchange what the process has for itself for what is in its place."""
+        for place, (owner, name) in enumerate(_SHARED):
+            present = getattr(owner, name)
+            setattr(owner, name, self._own[place])
+            self._own[place] = present
+        present = _REAL["getcwd"]()
+        if present != self._directory:
+            _REAL["chdir"](self._directory)
+            self._directory = present
+
+    def _run(self):
+        try:
+            start.main()
+        except SystemExit as error:
+            status = error.code if isinstance(error.code, int) else int(error.code is not None)
+        except KeyboardInterrupt:
+            status = -signal.SIGINT
+        for stream in (sys.stdout, sys.stderr):
+            if not stream.closed:
+                stream.flush()
+        self.end(status)
+
+    def _receive(self, number):
+        handler = self._signals.get(number, signal.SIG_DFL)
+        if handler == signal.SIG_DFL or number == signal.SIGKILL:
+            self.end(-number)
+        elif handler != signal.SIG_IGN:
+            self._scheduler.interrupt(self._main, lambda: handler(number, None))
+
+    # What tests call
+
+    def communicate(self, content=None, timeout=None, **_):
+        if self.stdin is not None and not self.stdin.closed:
+            if content:
+                self.stdin.write(content)
+            self.stdin.close()
+        self.wait(timeout)
+        return tuple(
+            None if stream is None or stream.closed else stream.read()
+            for stream in (self.stdout, self.stderr)
+        )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for stream in (self.stdout, self.stderr, self.stdin):
+            if stream is not None:
+                stream.close()
+        self.wait()
+
+    # What its code calls
+
+    def handler(self, number):
+        return self._signals.get(number, signal.SIG_DFL)
+
+    def handle(self, number, handler):
+        before = self.handler(number)
+        self._signals[number] = handler
+        return before
+
+    def descriptor(self, number):
+        """Return the stream of a descriptor, if it is one of the standard ones."""
+        names = ("stdin", "stdout", "stderr")
+        return getattr(sys, names[number]) if 0 <= number < len(names) else None
+
+
+def of_programs(world):
+    """Return what commands find in a world: owners, names and values to replace."""
+
+    def popen(args, *more, **options):
+        words = [] if isinstance(args, str) else [os.fspath(one) for one in args]
+        if words[: len(COMMAND)] == COMMAND:
+            return Program(world, words, **options)
+        return _POPEN(args, *more, **options)
+
+    def getsignal(number):
+        present = world.present()
+        return present.handler(number) if isinstance(present, Program) else signal.SIG_DFL
+
+    def handle(number, handler):
+        present = world.present()
+        return present.handle(number, handler) if isinstance(present, Program) else None
+
+    def interrupt_main(number=signal.SIGINT):
+        world.present().send_signal(number)
+
+    def begin_thread(work, given):
+        world.scheduler.spawn(functools.partial(work, *given), "thread")
+
+    def leave(status):
+        raise SystemExit(status)
+
+    def read(descriptor, most):
+        pipe = world.pipes.get(descriptor)
+        return _REAL["read"](descriptor, most) if pipe is None else pipe.read(most)
+
+    def write(descriptor, content):
+        present = world.present()
+        stream = present.descriptor(descriptor) if isinstance(present, Program) else None
+        if stream is None:
+            return _REAL["write"](descriptor, content)
+        stream.write(bytes(content).decode())
+        stream.flush()
+        return len(content)
+
+    def opened(file, *mode, **options):
+        pipe = world.pipes.get(file) if isinstance(file, int) else None
+        return _OPEN(file, *mode, **options) if pipe is None else reader(pipe, is_text=False)
+
+    def lock(path, socket):
+        descriptor = _LOCK(path, socket)
+        inode = os.fstat(descriptor).st_ino
+
+        def unlock():
+            """Close it if the process was killed before it did."""
+            with contextlib.suppress(OSError):
+                if os.fstat(descriptor).st_ino == inode:
+                    os.close(descriptor)
+
+        world.present().at_end(unlock)
+        return descriptor
+
+    def log_writer(descriptor):
+        pipe = world.pipes.get(descriptor)
+        if pipe is None:
+            return _WRITER(descriptor)
+        handler = logging.StreamHandler(writer(pipe, is_text=True))
+        handler.lock = None
+        return handler
+
+    return [
+        (subprocess, "Popen", popen),
+        (signal, "getsignal", getsignal),
+        (signal, "signal", handle),
+        (signal, "set_wakeup_fd", lambda *_, **__: -1),
+        (start, "signal", signal),
+        (interrupts, "_wake", lambda *_: None),
+        (_thread, "interrupt_main", interrupt_main),
+        (_thread, "start_new_thread", begin_thread),
+        (os, "_exit", leave),
+        (os, "read", read),
+        (os, "write", write),
+        (os, "getpid", world.pid),
+        (os, "getppid", world.parent_pid),
+        (os, "setpriority", lambda *_: None),
+        (track, "open", opened),
+        (log, "writer", log_writer),
+        (claim, "_lock", lock),
+        (server, "_share_arenas", lambda: None),
+        (server.gc, "freeze", lambda: None),
+        (server.gc, "collect", lambda *_: 0),
+    ]
