@@ -2,6 +2,7 @@
 
 import math
 import socket
+import time
 
 import pytest
 from command_line import assert_refused, orientd
@@ -183,6 +184,20 @@ def test_locked_axes_keep_their_angles_while_the_vehicle_turns(served):
     assert served.point(-10, -15, flags=IN_VEHICLE) == ACCEPTED
     autopilot.vehicle(0, 0, 0)
     served.await_attitude(0, -10, -15)
+    served.release()
+    autopilot.close()
+
+
+def test_the_heading_of_a_vehicle_that_fell_silent_is_unknown_again(served):
+    autopilot = Station(served.gimbal, AUTOPILOT)
+    served.take_control()
+    autopilot.vehicle(0, 0, 90)
+    said = time.monotonic()
+    served.hear("GIMBAL_DEVICE_ATTITUDE_STATUS", lambda m: not math.isnan(m.delta_yaw))
+    assert served.point(0, 45, flags=LEVEL | IN_EARTH | YAW_LOCK) == ACCEPTED
+    served.hear("GIMBAL_DEVICE_ATTITUDE_STATUS", lambda m: math.isnan(m.delta_yaw))
+    assert time.monotonic() - said > 1.9
+    assert served.point(0, 45, flags=LEVEL | IN_EARTH | YAW_LOCK) == DENIED
     served.release()
     autopilot.close()
 

@@ -21,6 +21,7 @@ from pointing_world import (
     rate_of,
 )
 
+from orientd.client.prediction import turning
 from orientd.driver import AxisLimits
 from orientd.errors import RequestError, StaleBaseError
 from orientd.floats import difference
@@ -102,6 +103,24 @@ def test_a_line_of_sight_stays_in_the_world_while_the_base_swings(
 @pytest.mark.parametrize(("with_rate", "most"), [(True, 3e-3), (False, 10e-3)])
 def test_a_moving_point_is_followed(hz, limits, rate_hz, with_rate, most):
     assert point_error(hz, limits, rate_hz, with_rate=with_rate) < most
+
+
+@pytest.mark.parametrize("jump", [1.5, 3.0, 6.0])
+@pytest.mark.parametrize("rate_hz", [50, 100])
+def test_a_base_that_is_hit_is_predicted_by_its_new_rate_at_once(rate_hz, jump):
+    """Its angular velocity, as a gyroscope measures it, jumps between two samples."""
+    base, angle, ahead = turning(), 0.0, 0.05
+    for k in range(200):
+        speed = 0.2 + (jump if k >= 100 else 0.0)
+        stamp_ns = NS + round(k / rate_hz * NS)
+        assert base.take(exp((0.0, 0.0, angle)), (0.0, 0.0, speed), stamp_ns)
+        if k >= 100:
+            q, rate = base.at(stamp_ns + round(ahead * NS))
+            assert difference(exp((0.0, 0.0, angle + speed * ahead)), q) == pytest.approx(
+                (0.0, 0.0, 0.0), abs=1e-6
+            )
+            assert rate == pytest.approx((0.0, 0.0, speed), abs=1e-6)
+        angle += speed / rate_hz
 
 
 def test_loss_and_noise_show_little():

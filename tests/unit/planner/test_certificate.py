@@ -6,7 +6,7 @@ from planned import rotations
 from reference.brake import brake_rate
 
 from orientd.floats import difference
-from orientd.planner import DEFAULT_LIMITS, Limits
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE
 from orientd.planner.certify.measuring import measure
 from orientd.rotation import conjugate, exp, log, multiply
@@ -227,3 +227,27 @@ def test_what_is_not_a_number_is_the_peak():
     q, p = walk()
     q[150] = np.nan
     assert np.isnan(look(q, p).velocity.value)
+
+
+def shortest_stop(speed, push, pull, jerk):
+    """Return the time from a speed and its rate of change to rest, with bounded rates of both."""
+    peak = sqrt(jerk * speed + 0.5 * push * push)
+    if peak <= pull:
+        return (push + 2.0 * peak) / jerk
+    bends = (push * push - pull * pull) / (2.0 * jerk) - pull * pull / (2.0 * jerk)
+    return (push + pull) / jerk + (speed + bends) / pull + pull / jerk
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "jerk"),
+    [(1.0, 2.0, 40.0), (0.5, 2.0, 4.0), (2.0, 3.0, 30.0), (2.0, 17.0, 8500.0), (0.1, 5.0, 20.0)],
+)
+def test_the_usual_time_of_a_stop_is_that_of_a_straight_path(velocity, acceleration, jerk):
+    limits = Limits(velocity, acceleration, jerk, 1.0, 10.0)
+    request = MotionRequest([Keyframe(tuple(exp([0.0, 0.0, 3.0])))])
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0))
+    motion = plan(request, start=start, limits=limits, period=H)
+    records = motion.sample(np.arange(motion.record_count) * H)
+    turning = zip(records.omega_body[:, 2], records.alpha_body[:, 2], strict=True)
+    took = max(shortest_stop(*one, acceleration, jerk) for one in turning if one[0] > 0.0)
+    assert motion.certificate.usual_stop_time == pytest.approx(took, rel=1e-6)

@@ -6,19 +6,23 @@ import numpy as np
 import pytest
 
 from orientd import load_motion, plots
+from orientd.clock import MonotonicClock
 from orientd.errors import PlanError
 from orientd.keep_out import KeepOut
 from orientd.planner import (
     DEFAULT_LIMITS,
+    NOT_BLENDED,
     Keyframe,
     MotionRequest,
     State,
     plan,
     plan_many,
 )
+from orientd.planner.device_planner import DevicePlanner
 from orientd.planner.offline import plan_offline
 from orientd.rotation import rotate
 from orientd.sun import Sun
+from orientd_loopback import LoopbackDriver
 
 PERIOD = 0.002
 START = State.at_rest((1.0, 0.0, 0.0, 0.0))
@@ -225,3 +229,23 @@ def test_a_picture_of_a_motion_shows_its_cones(tmp_path):
     plots.draw(planned(toward(80.0)), tmp_path / "around.svg")
     text = (tmp_path / "around.svg").read_text(encoding="utf-8")
     assert 'id="keep-out-laser"' in text
+
+
+def test_a_blend_that_would_cut_a_corner_through_a_margin_passes_the_corner_instead():
+    """The cone lies inside the corner, its margin reaches nearly to both legs."""
+    given = LoopbackDriver({}, period_ns=round(1e9 * PERIOD), clock=MonotonicClock())
+    inside, half = toward(25.0, 15.0).q, math.radians(10.0)
+    direction = tuple(rotate(np.array(inside), np.array([1.0, 0.0, 0.0])).tolist())
+    legs = [MotionRequest([toward(*at)]) for at in ((40.0, 0.0), (40.0, 40.0))]
+    found = []
+    for margin in (0.0, math.radians(4.0)):
+        cone = KeepOut("laser", direction, half, margin)
+        device = DevicePlanner(given, limits=DEFAULT_LIMITS, period=PERIOD, keep_out=[cone])
+        first = device.plan(legs[0], start=START, joints=())
+        assert least(first, cone) > math.degrees(margin)
+        record, second = device.blend(first.recorded(), legs[1], tolerance=0.17, earliest=0)
+        is_blended = record < first.recorded().last_record
+        notes = [one for one in second.certificate.notes if one.startswith(NOT_BLENDED)]
+        assert notes == ([] if is_blended else [f"{NOT_BLENDED}: it would pass a keep-out cone"])
+        found.append((is_blended, least(second, cone) > math.degrees(margin)))
+    assert found == [(True, True), (False, True)]

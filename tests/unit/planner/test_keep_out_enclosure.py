@@ -1,14 +1,23 @@
-"""Rates between two records never exceed their bounds, with a step of the acceleration too."""
+"""Bounds between two records: of rates, with a step of the acceleration too, and of clearances."""
+
+import math
 
 import numpy as np
 import pytest
 
-from orientd.planner.keep_out.clearance import rates_between
+from orientd import keep_out
+from orientd.keep_out import KeepOut
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.planner.keep_out.clearance import Cones, rates_between
 from orientd.rotation import exp, multiply
 from orientd.servo.path.segment import Segment, point_of
 from orientd.stream.records import JOINTS
+from orientd.sun import Sun
 
 PERIOD = 0.002
+RATE = 0.5
+"""Of a sun that is fast enough to be seen between two records, rad/s."""
+
 SHARES = np.linspace(0.0, 0.9999, 100)
 
 
@@ -43,3 +52,31 @@ def test_no_rate_between_two_records_exceeds_its_bound(seed):
         alpha = np.diff(omega, axis=0) / (PERIOD * np.diff(SHARES)[:, None])
         assert np.linalg.norm(omega, axis=1).max() <= speed * (1.0 + 1e-9)
         assert np.linalg.norm(alpha, axis=1).max() <= bend * (1.0 + 1e-6) + 1e-6
+
+
+class FastSun(Sun):
+    """A sun that moves along the horizon."""
+
+    def direction(self, unix_ns):
+        angle = RATE * (unix_ns * 1e-9 - 1.003)
+        return (math.cos(angle), math.sin(angle), 0.0)
+
+
+@pytest.mark.parametrize("elevation", [10.0, 30.0])
+def test_the_clearance_between_two_records_counts_the_motion_of_the_sun(monkeypatch, elevation):
+    """The tool stands still; between two records the sun passes it."""
+    # Its direction is interpolated along chords of a second, in whose middle it is quicker.
+    monkeypatch.setattr(keep_out, "FASTEST_SUN", 2.0 * math.tan(0.5 * RATE))
+    still = Keyframe(azimuth_elevation={"azimuth": 0.0, "elevation": elevation}).q
+    request = MotionRequest([Keyframe(still, time=0.0), Keyframe(still, time=2.0)])
+    motion = plan(request, start=State.at_rest(still), limits=DEFAULT_LIMITS, period=0.02)
+    cones = Cones((KeepOut("sun", FastSun(0.0, 0.0), math.radians(5.0)),), 0)
+    (bound,) = cones.bounds(motion)
+    times = np.arange(0.0, 1.9999, motion.period / 50.0)
+    q = np.broadcast_to(np.array(still), (len(times), 4))
+    (clear,) = cones.clearances(q, times)
+    least = np.array([clear[50 * k : 50 * k + 51].min() for k in range(99)])
+    assert np.all(bound[:99] <= least)
+    assert np.all(bound[:99] >= least - 2e-3)
+    place = int(clear.argmin())
+    assert place % 50  # between two records

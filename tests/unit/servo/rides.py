@@ -174,9 +174,14 @@ class Ride:
         return int(moves[-1]) + 1 if len(moves) else 0
 
     def command_stop(self):
-        self.rig.memory.commands.publish(
-            Command.STOP, 1, 0, UNKNOWN, UNKNOWN, 0, 1.0, *servo_limits_of(self.motion).floats()
-        )
+        self._command(Command.STOP, 1.0)
+
+    def command_speed(self, speed):
+        self._command(Command.SPEED, speed)
+
+    def _command(self, command, speed):
+        servo_limits = servo_limits_of(self.motion).floats()
+        self.rig.memory.commands.publish(command, 1, 0, UNKNOWN, UNKNOWN, 0, speed, *servo_limits)
 
     def come_to_rest(self):
         self.run()

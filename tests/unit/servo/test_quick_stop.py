@@ -8,6 +8,8 @@ from rides import KINDS, SOME_METHODS, Ride, Track, motions, servo_limits_of
 from rig import PERIOD
 from shortest_stop import ShortestStop, bound
 
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.rotation import exp
 from orientd.stream.records import UNKNOWN, Command, ServoState
 
 MOST = 1.2
@@ -197,3 +199,31 @@ def test_pauses_resumptions_and_stops_in_any_order_keep_the_limits_and_the_path(
 @pytest.mark.parametrize("kind", KINDS)
 def test_many_more_pauses_resumptions_and_stops_do(kind, seed):
     check_sequences(seed, kind, 40, 10)
+
+
+@pytest.mark.parametrize("cycles", [-1, 0, 1, 2])
+def test_a_resumption_right_after_a_quick_stop_adds_no_jerk_to_that_of_its_end(cycles):
+    """A slow turn leaves all of the jerk to its stop and to its resumption."""
+    request = MotionRequest(
+        [Keyframe((1.0, 0.0, 0.0, 0.0), time=0.0), Keyframe(tuple(exp([0.0, 0.0, 1.0])), time=3.0)]
+    )
+    start, limits = State.at_rest((1.0, 0.0, 0.0, 0.0)), Limits(2.0, 100.0, 20.0, 1.0, 10.0)
+    track = Track(plan(request, start=start, limits=limits, period=PERIOD))
+    for record in range(171, 1200, 150):
+        ride = Ride(track, record)
+        ride.command_speed(0.0)
+        ride.run()
+        while ride.rig.servo.setpoints.time_scaling.rate > 0.0:
+            if cycles < 0 and ride.rates[-1] < 0.01:
+                break
+            ride.run()
+        for _ in range(cycles):
+            ride.run()
+        ride.command_speed(1.0)
+        for _ in range(20):
+            ride.run()
+        setpoints = ride.rig.servo.setpoints
+        assert setpoints.state is ServoState.STREAMING, setpoints.fault_text
+        assert ride.excess() <= 1.001
+        ride.command_stop()
+        ride.come_to_rest()
