@@ -2,6 +2,8 @@
 
 A device such as ``/dev/zero`` has no end, and a pipe may have no writer.  A file that is too large
 is refused before it is read.  A full disk or a power cut leaves the old file.
+
+A written file outlives a power cut: its content is synced first, then its name.
 """
 
 from __future__ import annotations
@@ -86,7 +88,8 @@ def _too_large(most_bytes: int, size: int | None = None) -> OSError:
 def written(path: Path) -> Iterator[Path]:
     """Yield the file to write, with the suffix of *path*, which it replaces at the end.
 
-    A path that is no file, such as a pipe, is written directly.
+    Afterwards the new file outlives a power cut.  A path that is no file, such as a pipe, is
+    written directly.
 
     Raises:
         OrientdError: it cannot be written; then *path* is unchanged.
@@ -98,8 +101,9 @@ def written(path: Path) -> Iterator[Path]:
         try:
             yield part
             if not is_special:
-                _sync(part)
-            part.replace(target)
+                sync(part)
+                part.replace(target)
+                sync_name(target)
         finally:
             if not is_special:
                 part.unlink(missing_ok=True)
@@ -107,10 +111,28 @@ def written(path: Path) -> Iterator[Path]:
         raise OrientdError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-def _sync(path: Path) -> None:
-    """Have the disk keep the content before the name: a power cut would leave an empty file."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+def sync(path: Path) -> None:
+    """Have the disk keep the content of a file: after a power cut it would be empty.
+
+    Raises:
+        OSError: the disk did not take it.
+    """
+    descriptor = os.open(path, os.O_RDWR | getattr(os, "O_CLOEXEC", 0))
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def sync_name(path: Path) -> None:
+    """Have the disk keep the name of a file, after its content; never raises.
+
+    A folder that cannot be synced, for example on some network drives, keeps the name in its own
+    time.
+    """
+    with contextlib.suppress(OSError):
+        descriptor = os.open(path.parent, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -102,7 +102,12 @@ class BackgroundHandler(QueueHandler):
     """
 
     def __init__(
-        self, handler: logging.Handler, tell_lost: Callable[[int], object], *, most_waiting: int
+        self,
+        handler: logging.Handler,
+        tell_lost: Callable[[int], object],
+        *,
+        most_waiting: int,
+        caught_up: Callable[[], object] = lambda: None,
     ) -> None:
         """Start the thread.
 
@@ -111,10 +116,11 @@ class BackgroundHandler(QueueHandler):
             tell_lost: called from the thread with the number of records left out since the last
                 call.
             most_waiting: records that may wait.
+            caught_up: called from the thread whenever it has written all that waited.
         """
         waiting: queue.Queue[Any] = queue.Queue(most_waiting)
         super().__init__(waiting)
-        self._listener: _Listener | None = _Listener(waiting, handler, tell_lost)
+        self._listener: _Listener | None = _Listener(waiting, handler, tell_lost, caught_up)
         self._listener.start()
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -145,16 +151,19 @@ class _Listener(QueueListener):
         waiting: queue.Queue[Any],
         handler: logging.Handler,
         tell_lost: Callable[[int], object],
+        caught_up: Callable[[], object],
     ) -> None:
         super().__init__(waiting, handler)
         self.lost = 0
-        self._waiting, self._tell_lost = waiting, tell_lost
+        self._waiting, self._tell_lost, self._caught_up = waiting, tell_lost, caught_up
 
     def handle(self, record: logging.LogRecord) -> None:
         super().handle(record)
-        if self.lost and self._waiting.empty():
-            lost, self.lost = self.lost, 0
-            self._tell_lost(lost)
+        if self._waiting.empty():
+            if self.lost:
+                lost, self.lost = self.lost, 0
+                self._tell_lost(lost)
+            self._caught_up()
 
     def enqueue_sentinel(self) -> None:
         self._waiting.put(None)  # waits until there is space

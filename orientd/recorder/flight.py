@@ -17,9 +17,11 @@ from typing import IO, Any
 
 import numpy as np
 
+from orientd.errors import OrientdError
+from orientd.files import written
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.columns import CYCLES, Table, from_records
-from orientd.recorder.writer import RecordingError, RecordingWriter
+from orientd.recorder.writer import RecordingWriter
 from orientd.stream.records import CYCLE_RECORD
 from orientd.stream.ring import RecordRing
 
@@ -34,7 +36,7 @@ def main() -> None:
         os.nice(_NICENESS)
     try:
         path = write(sys.stdin.buffer)
-    except (RecordingError, OSError, ValueError) as error:
+    except (OrientdError, OSError, ValueError) as error:
         print(" ".join(str(error).split()), file=sys.stderr)  # noqa: T201
         sys.exit(1)
     print(path)  # noqa: T201
@@ -44,7 +46,7 @@ def write(stream: IO[bytes]) -> Path:
     """Write one file and remove the oldest ones that are too many; return its path.
 
     Raises:
-        RecordingError: it cannot be written; nothing is left of it.
+        OrientdError: it cannot be written; nothing is left of it.
         OSError: its directory cannot be made.
         ValueError: the stream is not what the daemon writes.
     """
@@ -59,23 +61,17 @@ def write(stream: IO[bytes]) -> Path:
     device = header["device"]
     path = directory / f"{PREFIX}{device}-{when:%Y%m%dT%H%M%S.%f}Z.mcap"
     make_room(directory, header["keep_files"] - 1, header["keep_bytes"])
-    part = path.with_suffix(".part")
-    try:
-        with RecordingWriter(part, offset_ns=header["offset_ns"]) as writer:
-            writer.add_device(device, header["rate_hz"])
-            facts = {
-                "reason": header["reason"],
-                "fault_ns": str(header["fault_ns"]),
-                "health": json.dumps(header.get("health", [])),
-            }
-            writer.add_configuration(header["configuration"], facts)
-            for event in events:
-                writer.add_event(event)
-            writer.add_cycles(device, cycles)
-        part.rename(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    with written(path) as part, RecordingWriter(part, offset_ns=header["offset_ns"]) as writer:
+        writer.add_device(device, header["rate_hz"])
+        facts = {
+            "reason": header["reason"],
+            "fault_ns": str(header["fault_ns"]),
+            "health": json.dumps(header.get("health", [])),
+        }
+        writer.add_configuration(header["configuration"], facts)
+        for event in events:
+            writer.add_event(event)
+        writer.add_cycles(device, cycles)
     make_room(directory, header["keep_files"], header["keep_bytes"])
     return path
 

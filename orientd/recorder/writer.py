@@ -35,6 +35,7 @@ from mcap_protobuf.schema import register_schema
 
 from orientd import __version__
 from orientd.errors import OrientdError
+from orientd.files import sync, sync_name
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import foxglove
 from orientd.recorder.columns import SCHEMA_NAME, Table, schema, to_messages
@@ -167,7 +168,7 @@ class RecordingWriter:
             self._writer.flush()
 
     def close(self) -> None:
-        """Complete the file.
+        """Complete the file, which outlives a power cut from then on.
 
         Raises:
             RecordingError: it cannot be completed.
@@ -177,6 +178,9 @@ class RecordingWriter:
                 with self._guarded():
                     self._writer.finish()
                     self._stream.close()
+                    if self._path.is_file():
+                        sync(self._path)
+                        sync_name(self._path)
                 self._ended = f"the recording {self._path} has ended"
 
     def _add(self, topic: str, time_ns: int, message: Message) -> None:

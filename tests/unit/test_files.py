@@ -3,7 +3,6 @@
 import os
 import resource
 import threading
-from pathlib import Path
 
 import pytest
 
@@ -29,25 +28,6 @@ def test_what_was_there_stays_where_there_is_no_room_for_what_takes_its_place(tm
         write_structured(file, MAPPING)
     assert file.read_text() == "before"
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_the_disk_has_the_content_before_the_name(tmp_path, monkeypatch):
-    file, done = tmp_path / "taught.yaml", []
-    sync, replace = os.fsync, os.replace
-
-    def synced(descriptor):
-        done.append(("content", os.fstat(descriptor).st_ino))
-        sync(descriptor)
-
-    def replaced(source, target):
-        done.append(("name", Path(source).stat().st_ino))
-        replace(source, target)
-
-    monkeypatch.setattr(os, "fsync", synced)
-    monkeypatch.setattr(os, "replace", replaced)
-    write_structured(file, MAPPING)
-    place = file.stat().st_ino
-    assert done == [("content", place), ("name", place)]
 
 
 def test_a_link_still_leads_to_the_file_that_is_written(tmp_path):

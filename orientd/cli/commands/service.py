@@ -12,6 +12,7 @@ from typing import Annotated
 from orientd.cli.output import Output
 from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import ConfigError
+from orientd.files import written
 
 service = Group(name="service", help="Run the daemon as a systemd service.")
 
@@ -63,7 +64,8 @@ def install(
     path = _directory(for_user=for_user) / NAME
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        with written(path) as part:
+            part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}") from error
     steps = _steps(for_user=for_user, run_as=run_as)

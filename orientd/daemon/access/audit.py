@@ -1,7 +1,8 @@
 """The audit log: one line of JSON for every command, and for everything that was refused.
 
 When the file is large enough it becomes ``audit.jsonl.1``, and the daemon starts another.  Daemons
-of one user may share a file: a lock keeps two from writing or renaming at once.
+of one user may share a file: a lock keeps two from writing or renaming at once.  The file is synced
+whenever no record waits, so a power cut costs the records of the last moment alone.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any
 from orientd.config import AccessSettings
 from orientd.daemon.log import BackgroundHandler, json_line
 from orientd.daemon.report_directory import report_directory
+from orientd.files import sync_name
 
 _log = logging.getLogger(__name__)
 
@@ -44,7 +46,9 @@ class AuditLog:
             most_files: older files that are kept.
         """
         file = _OwnFile(path, maxBytes=most_bytes, backupCount=most_files, delay=True)
-        self._handler = BackgroundHandler(file, self._tell_lost, most_waiting=MOST_WAITING)
+        self._handler = BackgroundHandler(
+            file, self._tell_lost, most_waiting=MOST_WAITING, caught_up=file.sync
+        )
         self._file = file
 
     def record(self, **fields: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
@@ -56,6 +60,7 @@ class AuditLog:
     def close(self) -> None:
         """Write what waits, and end."""
         self._handler.close(None)
+        self._file.sync()
         self._file.close()
 
     def _tell_lost(self, lost: int) -> None:
@@ -72,8 +77,19 @@ class _OwnFile(RotatingFileHandler):
         file = os.fdopen(descriptor, "a", encoding="utf-8")
         size = os.fstat(descriptor).st_size
         if size and os.pread(descriptor, 1, size - 1) != b"\n":
-            file.write("\n")  # A full disk cut the last line.
+            file.write("\n")  # A full disk or a power cut has cut the last line.
+        sync_name(Path(self.baseFilename))
         return file
+
+    def sync(self) -> None:
+        """Have the disk keep what is written; a disk that fails has been logged already."""
+        if self.stream is not None:
+            with suppress(OSError):
+                os.fsync(self.stream.fileno())
+
+    def doRollover(self) -> None:  # noqa: N802 - the library's name
+        self.sync()
+        super().doRollover()
 
     def emit(self, record: logging.LogRecord) -> None:
         had_failed, self._is_failing = self._is_failing, False
@@ -102,6 +118,7 @@ class _OwnFile(RotatingFileHandler):
             self._let_go()
 
     def _let_go(self) -> None:
+        self.sync()
         stream, self.stream = self.stream, None
         if stream is not None:
             with suppress(OSError):

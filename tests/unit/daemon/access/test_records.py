@@ -1,8 +1,10 @@
 """The audit log, and what it tells of requests."""
 
 import json
+import time
 
 import pytest
+from reference.disk import Disk
 
 from orientd.daemon.access import authorization
 from orientd.daemon.access.audit import AuditLog
@@ -76,6 +78,31 @@ def test_a_link_to_a_file_of_the_user_is_not_written_to(tmp_path, caplog, name):
     log.close()
     assert precious.read_text() == "precious"
     assert f"audit: cannot write to {tmp_path / 'audit.jsonl'}: " in caplog.text
+
+
+def test_records_of_the_audit_log_are_on_the_disk_once_none_waits(tmp_path, monkeypatch):
+    disk = Disk(monkeypatch, tmp_path)
+    log = AuditLog(tmp_path / "audit.jsonl", most_bytes=2000, most_files=50)
+    for number in range(100):
+        log.record(number=number)
+        if number % 10 == 0:
+            time.sleep(0.01)
+    log.close()
+    left = disk.after_power_cut()
+    assert len(left) > 3
+    lines = b"".join(left.values()).splitlines()
+    assert sorted(json.loads(line)["number"] for line in lines) == list(range(100))
+
+
+def test_an_idle_audit_log_keeps_its_last_record_without_being_closed(tmp_path, monkeypatch):
+    disk = Disk(monkeypatch, tmp_path)
+    log = AuditLog(tmp_path / "audit.jsonl", most_bytes=2000, most_files=3)
+    log.record(number=7)
+    ends = time.monotonic() + 20.0
+    while b'"number": 7' not in disk.after_power_cut().get("audit.jsonl", b""):
+        assert time.monotonic() < ends
+        time.sleep(0.0005)
+    log.close()
 
 
 def test_a_disk_that_fails_stops_nobody(tmp_path, caplog):
