@@ -6,10 +6,10 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 comma = ,
 
-ROUNDS ?= 50
-SEED ?= 1
+# The runs of `make night`, each a target of its own; their commands are in tests/night.toml.
+NIGHT := $(shell sed -n 's/^\[\(.*\)\]$$/\1/p' tests/night.toml)
 
-.PHONY: demo test runs lines calculates check docs follow bench peers lerobot sanitize soak events hours chaos storm standard proto lock clean
+.PHONY: demo test runs lines calculates check docs night $(NIGHT) peers lerobot standard proto lock clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -18,8 +18,7 @@ demo: $(VENV)/.user
 # run next to them at a low priority, and report at the end.  Tests of serial lines run afterwards: while
 # all processors are busy, the kernel passes on the bytes of a terminal up to half a second late.
 # A machine that stands still for some seconds can fail a test of real processes.  So each failed test is
-# repeated once, alone.  If it passes then, the summary counts it as flaky.  Longer tests have the markers
-# of `make soak`, `chaos`, `storm` and `bench`.
+# repeated once, alone.  If it passes then, the summary counts it as flaky.  `make night` runs longer tests.
 CALCULATES = tests/unit tests/emulated tests/world tests/docs orientd adapters drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 LINES = tests/drivers/dynamixel $(sort $(wildcard tests/system/test_gimbal*.py))
@@ -68,12 +67,12 @@ docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -W --keep-going -q -j auto -b html docs build/docs
 	@echo "open build/docs/index.html"
 
-# Every page and example, word by word, with real daemons; the first three tutorials in a new environment.
-follow: $(VENV)/.dev
-	$(BIN)/python -m pytest tests/docs -m follow --timeout=1200
+# What takes too long for `make test`: all of it, or one of its runs.
+night: $(VENV)/.dev
+	$(BIN)/python tests/night.py
 
-bench: $(VENV)/.dev
-	$(BIN)/python -m pytest tests/bench -m bench -s
+$(NIGHT): $(VENV)/.dev
+	$(BIN)/python tests/night.py $@
 
 # The tables of docs/explanation/comparison.md; a peer that cannot be installed says so there.
 PEERS = ruckig toppra splines drake
@@ -91,36 +90,6 @@ lerobot:
 	build/lerobot/bin/python -m pip install --quiet --disable-pip-version-check \
 	    -e . -e examples/lerobot_robot_orientd pytest
 	build/lerobot/bin/python -m pytest -q -p no:cacheprovider examples/lerobot_robot_orientd
-
-# The kernels with addresses and arithmetic checked, called with spoilt tables; longer: ORIENTD_CASES=20000.
-sanitize: $(VENV)/.dev
-	$(BIN)/python tests/sanitize.py
-
-soak: $(VENV)/.dev
-	$(BIN)/python -m pytest -m slow --timeout=5400 -s
-
-# The servo's own code under a million random events in virtual time; some hours on two cores.
-EVENTS ?= 1000000
-
-events: $(VENV)/.dev
-	ORIENTD_FUZZ_EVENTS=$(EVENTS) $(BIN)/python -m pytest -m slow --timeout=0 -s tests/unit/servo/test_fuzz.py
-
-# Daemon, planner, servo, device and clients under one virtual clock, with faults of every kind.  A
-# round of ten minutes again: HOURS=0.1 SEED=17.
-HOURS ?= 10
-
-hours: $(VENV)/.dev
-	ORIENTD_HOURS=$(HOURS) ORIENTD_HOURS_SEED=$(SEED) $(BIN)/python -m pytest -m slow --timeout=0 -s tests/emulated
-
-# Real processes killed, stopped, starved and lied to; one round again: ORIENTD_CHAOS_ONLY=17.
-chaos: $(VENV)/.dev
-	-ORIENTD_CHAOS_ROUNDS=$(ROUNDS) ORIENTD_CHAOS_SEED=$(SEED) \
-		$(BIN)/python -m pytest tests/chaos -m chaos --timeout=0 -s
-	$(BIN)/python tests/chaos/ledger.py
-
-# Every kind of command at once; shorter: ORIENTD_STORM_SECONDS=30, again: ORIENTD_STORM_SEED=7.
-storm: $(VENV)/.dev
-	$(BIN)/python -m pytest tests/storm -m storm --timeout=0 -s
 
 standard: $(VENV)/.dev
 	$(BIN)/python tests/data/standard/sequences.py
