@@ -5,7 +5,6 @@ import signal
 import subprocess
 import time
 from pathlib import Path
-from typing import ClassVar
 
 import harness
 from command_line import begin
@@ -56,15 +55,8 @@ class BusProcess:
 
 
 class Terminals:
-    """How tests reach serial lines: here real ones.  A world in virtual time has its own.
+    """How tests reach serial lines: here real ones.  A world in virtual time has its own."""
 
-    Attributes:
-        patience: changes of the example for a machine whose processors are busy.
-        driver_patience: the same as options of the driver.
-    """
-
-    patience = PATIENT
-    driver_patience: ClassVar = {"max_losses": 50, "latency_ms": 100.0, "watchdog_ms": 2500}
     start_bus = BusProcess
     tap = PtyTee
 
@@ -165,7 +157,6 @@ class GimbalDaemon(ExampleDaemon):
     """The example gimbal on a port of its own."""
 
     def __init__(self, folder, port, *changes):
-        super().__init__(
-            folder, "gimbal.toml", ('/tmp/gimbal"', f'{port}"'), *TERMINALS.patience, *changes
-        )
+        patience = PATIENT if harness.MACHINE.is_patient else ()
+        super().__init__(folder, "gimbal.toml", ('/tmp/gimbal"', f'{port}"'), *patience, *changes)
         self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"

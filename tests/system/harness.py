@@ -66,7 +66,13 @@ def request_of(name: str) -> type[Message]:
 
 
 class Machine:
-    """How tests reach processes: here real ones.  A world in virtual time has its own."""
+    """How tests reach processes: here real ones.  A world in virtual time has its own.
+
+    Attributes:
+        is_patient: whether longer timeouts than the shipped ones keep a busy machine from faults.
+    """
+
+    is_patient = True
 
     def start_daemon(self, it: DaemonProcess) -> subprocess.Popen[str]:
         """Start a daemon and wait until it is ready."""
@@ -110,6 +116,12 @@ class Machine:
     def kill(self, pid: int, number: int) -> None:
         """Send a signal."""
         os.kill(pid, number)
+
+    def run_first(self, pid: int) -> None:
+        """Give a process the highest priority, if the system permits it."""
+        for task in os.listdir(f"/proc/{pid}/task"):
+            with contextlib.suppress(PermissionError, ProcessLookupError):
+                os.sched_setscheduler(int(task), os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
 
 
 MACHINE = Machine()
@@ -231,8 +243,8 @@ class DaemonProcess:
         """Configure a daemon in *folder*.
 
         *patience* replaces the timeouts of stall, heartbeat and feedback, s, so a busy machine
-        causes no fault.  ``None`` keeps the defaults.  *others* are more loopback devices, without
-        recording.
+        causes no fault.  ``None``, and virtual time, keep the defaults.  *others* are more loopback
+        devices, without recording.
         """
         folder.mkdir(exist_ok=True)
         self.arguments = ["--config", str(folder / "config.toml"), *arguments]
@@ -241,7 +253,8 @@ class DaemonProcess:
         self.recording = folder / "sent"
         self.report = folder / "state" / "orientd" / f"servo-{DEVICE}.json"
         self.config = folder / "config.toml"
-        names = () if patience is None else ("stall", "heartbeat", "feedback")
+        is_patient = patience is not None and MACHINE.is_patient
+        names = ("stall", "heartbeat", "feedback") if is_patient else ()
         patient = "".join(f"{name}_timeout = {patience!r}\n" for name in names)
         self.config.write_text(
             f'[daemon]\nsocket = "{self.socket}"\nlease_seconds = {lease!r}\n'
@@ -403,9 +416,7 @@ def run_first(pid: int) -> None:
     A real device has a processor of its own.  On a busy machine an emulated one would answer too
     late, or would not empty its line.
     """
-    for task in os.listdir(f"/proc/{pid}/task"):
-        with contextlib.suppress(PermissionError, ProcessLookupError):
-            os.sched_setscheduler(int(task), os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
+    MACHINE.run_first(pid)
 
 
 def children(pid: int) -> set[int]:

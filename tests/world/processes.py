@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 from direct_planners import DirectPlanners
 from serial_lines import SerialLines
+from sockets import Network
 
 from orientd.daemon.device import EventKind, device
 from orientd.daemon.device.servo_process import ServoProcess
@@ -155,11 +156,12 @@ class World:
         listeners: what answers calls, by the socket.
         pipes: by the numbers that stand for their descriptors.
         lines: serial lines.
+        network: sockets.
     """
 
     def __init__(self, scheduler):
         self.scheduler, self.listeners, self.pipes = scheduler, {}, {}
-        self.lines = SerialLines(scheduler)
+        self.lines, self.network = SerialLines(scheduler), Network(scheduler)
         self._processes, self._parents = {}, {}
 
     def add(self, process):

@@ -13,7 +13,6 @@ import random
 import sys
 import time
 from types import SimpleNamespace
-from typing import ClassVar
 from unittest import mock
 
 import gimbal_bench
@@ -118,9 +117,6 @@ class SerialLines:
     Attributes:
         scheduler: of the tasks that use them.
     """
-
-    patience = ()
-    driver_patience: ClassVar = {}
 
     def __init__(self, scheduler):
         self.scheduler, self._lines, self._ports = scheduler, {}, {}

@@ -7,6 +7,7 @@ same functions run with real processes and sockets.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import functools
 import logging
@@ -17,13 +18,14 @@ from unittest import mock
 
 import harness
 from _pytest.runner import runtestprotocol
+from arms import of_robots
 from channel import Channel, VirtualListener
 from planners import of_planners
 from processes import World, of_servos, written
 from programs import of_programs
 from serial_lines import of_serial_lines
 from stop_sockets import of_stop_sockets
-from virtual_time import Scheduler, VirtualThread, virtual_time
+from virtual_time import Scheduler, VirtualLoop, VirtualThread, virtual_time
 
 from orientd.client.channel import Way
 from orientd.daemon import server
@@ -68,8 +70,13 @@ class _ThreadTimer(VirtualThread):
 class Machine(harness.Machine):
     """What tests reach processes by, in virtual time."""
 
+    is_patient = False
+
     def __init__(self, world):
         self._world = world
+
+    def run_first(self, pid):
+        pass
 
     def channel(self, socket):
         return Channel(self._world, socket)
@@ -89,6 +96,15 @@ class Machine(harness.Machine):
             process.send_signal(number)
 
 
+def _run(scheduler, work):
+    """Run a coroutine in a loop of this task, as ``asyncio.run``."""
+    loop = VirtualLoop(scheduler)
+    try:
+        return loop.run_until_complete(work)
+    finally:
+        loop.close()
+
+
 @contextlib.contextmanager
 def running(world):
     """Replace transport, processes and clock within the context."""
@@ -100,6 +116,7 @@ def running(world):
         (os, "urandom", scheduler.random.randbytes),
         (secrets, "token_hex", lambda count: scheduler.random.randbytes(count).hex()),
         (threading, "Timer", _ThreadTimer),
+        (asyncio, "run", functools.partial(_run, scheduler)),
         (Way, "open", lambda way: Channel(world, way.socket)),
         (flight_recorder.FlightRecorder, "_made", written),
         (_Timer, "scheduler", scheduler),
@@ -110,6 +127,7 @@ def running(world):
         *of_planners(world),
         *of_programs(world),
         *of_serial_lines(world.lines),
+        *of_robots(world.network),
     ]
     look_up(os.geteuid()).result()  # threads of its own find the names of users
     level = logging.root.level

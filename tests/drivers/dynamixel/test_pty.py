@@ -5,7 +5,7 @@ import math
 import os
 import time
 
-import gimbal_bench
+import harness
 import pytest
 from gimbal_bench import EmulatedGimbal
 from harness import until
@@ -43,11 +43,15 @@ def emulator(tmp_path):
     it.end()
 
 
+# Without real-time priority the processes of driver and emulator may wait long for a processor.
+PATIENT = {"max_losses": 50, "latency_ms": 100.0, "watchdog_ms": 2500}
+
+
 def make(link, **options):
     axes = [{"id": k, "limits_deg": [-170, 170]} for k in (1, 2, 3)]
     return DynamixelDriver(
         {"port": str(link), "axes": axes, "overwrite": ["operating_mode"],
-         **gimbal_bench.TERMINALS.driver_patience, **options},
+         **(PATIENT if harness.MACHINE.is_patient else {}), **options},
         period_ns=PERIOD_NS, clock=MonotonicClock(),
     )  # fmt: skip
 

@@ -15,6 +15,8 @@ from orientd.errors import Fault
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
 TOLERANCE = math.radians(0.5)
 
@@ -109,6 +111,7 @@ class Followed:
         assert self.arm.step(self.slider) is None
 
 
+@pytest.mark.real
 def test_random_motions_arrive_at_any_lookahead_and_slider(monkeypatch):
     generator = random.Random(int(os.environ.get("ORIENTD_SEED", "3")))
     it = Followed(FakeRobot().install(monkeypatch))

@@ -10,6 +10,8 @@ from orientd_ur.probe import Probe
 
 rtde_control = pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 WELL = Probe((5, 12, 6, 0), True, 7, 1, 1, True, 0.0005, 0.0008)
 
 
@@ -32,6 +34,7 @@ def rows_of(host, **options):
     return found
 
 
+@pytest.mark.real
 def test_robot_that_is_ready_has_no_problem(ur_robot):
     rows = rows_of(ur_robot.host)
     assert rows["version"].found == "PolyScope 5.12.6"
@@ -48,6 +51,7 @@ def test_robot_that_is_not_there_is_one_problem(ur_host):
     assert "link" not in rows
 
 
+@pytest.mark.real
 def test_local_control_and_a_stop_are_named_with_what_to_do(ur_robot):
     ur_robot.ask("local")
     ur_robot.ask("safeguard")
@@ -60,6 +64,7 @@ def test_local_control_and_a_stop_are_named_with_what_to_do(ur_robot):
     assert unneeded["remote control"].verdict is Verdict.OK
 
 
+@pytest.mark.real
 def test_registers_of_another_client_are_named(ur_robot):
     other = rtde_control.RTDEControlInterface(ur_robot.host)
     try:
@@ -86,12 +91,14 @@ def test_latency_of_a_robot_that_cannot_move_says_why(ur_robot):
     assert "safeguard" in found.found
 
 
+@pytest.mark.real
 def test_latency_is_found_by_a_small_motion(ur_robot):
     found = latency_finding(settings_of(ur_robot.host, lookahead=0.2))
     assert found.verdict is Verdict.IMPROVE, found
 
 
 @pytest.mark.slow
+@pytest.mark.real
 def test_latency_of_the_whole_chain_is_found_by_a_small_motion(ur_robot):
     found = latency_finding(settings_of(ur_robot.host, lookahead=0.2))
     assert found.verdict is Verdict.IMPROVE, found

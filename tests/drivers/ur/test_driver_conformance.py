@@ -21,6 +21,8 @@ from orientd_ur import UrDriver
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 
 class TestUrDriver(DriverConformance):
     follow_tolerance = 1e-6

@@ -11,6 +11,8 @@ from orientd_ur.wire import Dashboard, RtdeClient
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 
 @pytest.mark.slow
 def test_motion_is_followed_to_its_end(ur_robot):
@@ -195,6 +197,7 @@ def test_garbage_on_the_link_is_named_and_recovered_from(ur_robot):
         recover(device)
 
 
+@pytest.mark.real
 def test_second_client_with_the_registers_is_named(ur_robot):
     rtde_control = pytest.importorskip("rtde_control")
     other = rtde_control.RTDEControlInterface(ur_robot.host)
@@ -215,6 +218,7 @@ def test_second_client_with_the_registers_is_named(ur_robot):
         other.disconnect()
 
 
+@pytest.mark.real
 def test_upper_registers_work_beside_a_client_with_the_lower_ones(ur_robot):
     with RtdeClient(ur_robot.host, 2.0) as other:
         assert other.claim("input_int_register_0", "input_double_register_3")

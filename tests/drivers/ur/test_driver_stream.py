@@ -14,6 +14,8 @@ from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 
 def orientations(poses):
     return rotation.exp(np.array([pose[3:] for pose in poses]))

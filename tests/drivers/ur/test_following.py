@@ -12,6 +12,8 @@ from orientd.stream.records import ServoState
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 
 def followed(device, at, seconds, *, position=None):
     """Stream targets at 50 Hz, then stop; return what was refused."""

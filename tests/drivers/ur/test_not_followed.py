@@ -12,6 +12,8 @@ from orientd.errors import Fault
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 TOLERANCE = math.radians(5.0)
 NEAR = math.radians(0.5)
 WRIST_3 = 5
@@ -89,6 +91,7 @@ def test_quick_motion_is_followed_at_a_tenth_of_the_speed(ur_robot):
 
 @pytest.mark.parametrize("lookahead", [0.03, 0.2])
 @pytest.mark.parametrize("slider", [1.0, 0.3, 0.1])
+@pytest.mark.real
 def test_quickest_motions_of_all_joints_stay_far_from_the_tolerance(monkeypatch, lookahead, slider):
     """At 3 rad/s and 40 rad/s^2, with changes of the slider in between."""
     it = Followed(FakeRobot().install(monkeypatch))

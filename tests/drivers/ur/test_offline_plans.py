@@ -15,6 +15,8 @@ from orientd_ur import UrDriver
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 CONFIG = Path(__file__).parents[3] / "config"
 FAR = "keyframes: [{euler: {axes: ZYX, degrees: [100, 5, 175]}}]\n"
 

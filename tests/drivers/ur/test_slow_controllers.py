@@ -11,6 +11,8 @@ from orientd.errors import DaemonError, Fault, StateError
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 
 def test_reset_waits_for_the_device_and_lets_a_stop_pass(ur_host):
     with EmulatedRobot(ur_host, "--unlock-after", "3") as robot, device_of(ur_host) as device:

@@ -19,6 +19,8 @@ from orientd_ur.wire import Dashboard
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 CASES = int(os.environ.get("ORIENTD_CASES", "5"))
 HOME = (0.0, -math.pi / 2, 4 * math.pi / 9, -4 * math.pi / 9, -math.pi / 2, 0.0)
 STOPS = {"protective_stop": "", "safeguard": "release", "pause": "", "stop": ""}

@@ -21,6 +21,8 @@ from orientd_ur.wire import Dashboard
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.world
+
 TOOL = [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]
 
 
@@ -90,6 +92,7 @@ def test_link_is_judged_by_the_cycle_of_the_robot():
     assert _link(Probe((5, 12, 6, 0), *fields)).verdict is Verdict.IMPROVE
 
 
+@pytest.mark.real
 def test_question_that_a_dashboard_does_not_understand_is_not_answered_with_no(ur_host):
     def serve(server):
         with server.accept()[0] as client:

@@ -5,6 +5,7 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import harness
 import numpy as np
 from direct_planners import DirectPlanners, plan, run
 
@@ -14,6 +15,10 @@ from orientd.daemon.device import Device
 from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream.records import ServoState
+
+# A busy machine may let nobody run for longer than a real controller ever pauses.
+PATIENT = {"feedback_timeout": 1.0, "heartbeat_timeout": 3.0}
+PATIENT_DRIVER = {"feedback_timeout": 0.3, "watchdog_hz": 1.5}
 
 
 def until(claim, what, seconds=30.0):
@@ -29,21 +34,19 @@ def until(claim, what, seconds=30.0):
 @contextmanager
 def device_of(host, *, compensate_latency=False, on_event=lambda _event: None, **options):
     """A device, enabled, with its servo process."""
+    is_patient = harness.MACHINE.is_patient
     settings = DeviceSettings(
         name="arm",
         driver="ur",
         priority=0,
-        # A busy machine may let nobody run for longer than a real controller ever pauses.
-        feedback_timeout=1.0,
-        heartbeat_timeout=3.0,
         compensate_latency=compensate_latency,
         options={
             "host": host,
             "lookahead": 0.03,
-            "feedback_timeout": 0.3,
-            "watchdog_hz": 1.5,
+            **(PATIENT_DRIVER if is_patient else {}),
             **options,
         },
+        **(PATIENT if is_patient else {}),
     )
     planners = DirectPlanners([settings])
     device = Device(settings, planners=planners, on_event=on_event)
