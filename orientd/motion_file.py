@@ -6,7 +6,7 @@ value and the given one:
 >>> parse({"keyframes": []})
 Traceback (most recent call last):
     ...
-orientd.errors.RequestError: keyframes: expected at least 1, got 0
+orientd.errors.RequestError: keyframes: expected at least 1, got 0; add one
 """
 
 from __future__ import annotations

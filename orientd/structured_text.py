@@ -26,6 +26,16 @@ from orientd.model.plain import joined
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+_HINTS = {
+    "expected ',' or": "put commas between entries, and close the brackets",
+    "could not find expected ':'": "write KEY: VALUE",
+    "mapping values are not allowed": "put texts with a colon in quotes, and line up the keys",
+    "expected <block end>": "line up the entries of a list, and the keys",
+    "cannot start any token": "put this text in quotes",
+    "unexpected end of stream": "close the quotes",
+}
+"""Words of a problem of YAML, and what to do."""
+
 DEEPEST = 64
 """Levels of nesting that are read; a motion file has five."""
 
@@ -81,7 +91,9 @@ def parse_structured(content: bytes, source: str) -> object:
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise RequestError("", f"{source}: not UTF-8 text (byte {error.start})") from error
+        raise RequestError(
+            "", f"{source}: not UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from error
     if not text.strip():
         raise RequestError("", f"{source}: the file is empty")
     # YAML reads JSON too, a hundred times as slowly.
@@ -91,7 +103,8 @@ def parse_structured(content: bytes, source: str) -> object:
             raise RequestError("", f"{source}: more than {MOST_VALUES} values")
         try:
             return json.loads(text, object_pairs_hook=_once)
-        except RequestError:
+        except RequestError as error:
+            error.args = (f"{source}: {error}",)
             raise
         except RecursionError as error:
             raise RequestError("", f"{source}: nested too deeply") from error
@@ -111,7 +124,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         seen: set[str] = set()
         for name, _ in pairs:
             if name in seen:
-                raise RequestError(name, "the key is given twice")
+                raise RequestError(name, "the key is given twice; keep one")
             seen.add(name)
     return mapping
 
@@ -130,9 +143,13 @@ def _read_yaml(text: str, source: str) -> object:
         lines = text.split("\n")
         if mark and mark.line < len(lines) and lines[mark.line][mark.column :].startswith("\t"):
             problem = "a tab; YAML is indented with spaces"
-        raise RequestError("", f"{source}: {line}not YAML: {problem}") from error
+        hint = next((f"; {hint}" for word, hint in _HINTS.items() if word in problem), "")
+        raise RequestError("", f"{source}: {line}not YAML: {problem}{hint}") from error
     except yaml.YAMLError as error:
         raise RequestError("", f"{source}: not YAML: {' '.join(str(error).split())}") from error
+    except RequestError as error:
+        error.args = (f"{source}: {error}",)
+        raise
     except _EmptyError:
         raise RequestError("", f"{source}: the file is empty") from None
 
@@ -168,7 +185,7 @@ class _Reader:
             found: tuple[Any, int] = _scalar(event), 1
         elif isinstance(event, yaml.AliasEvent):
             if event.anchor not in self._anchors:
-                raise _wrong(f"nothing before is named &{event.anchor}", event)
+                raise _wrong(f"nothing before is named &{event.anchor}; quote texts with *", event)
             named = self._anchors[event.anchor]
             if named is None:
                 raise _wrong("contains itself", event)
@@ -206,7 +223,9 @@ class _Reader:
                 raise _wrong("a key must be a text", event)
             key = event.value
             if key in content:
-                raise RequestError(key, f"the key is given twice, again on line {_line(event)}")
+                raise RequestError(
+                    key, f"the key is given twice, again on line {_line(event)}; keep one"
+                )
             try:
                 content[key], more = self._value(self._next(), depth)
             except RequestError as error:

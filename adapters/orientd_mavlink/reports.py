@@ -65,6 +65,11 @@ class Reports:
             mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_INFORMATION: self._device,
         }
 
+    @property
+    def offered(self) -> str:
+        """The messages that can be asked for, in words."""
+        return f"this gimbal has the messages {', '.join(map(str, sorted(self._makers)))}"
+
     def message(self, number: float) -> Any:  # noqa: ANN401 - pymavlink has no types
         """Return the message of that id; ``None`` if there is none, or nothing to say yet."""
         make = self._makers.get(int(number)) if math.isfinite(number) else None

@@ -192,9 +192,13 @@ class Mavlink:
             case mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE:
                 answer(self._configure(p, source))
             case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
-                answer(ACCEPTED if self._reports.set_interval(p[0], p[1]) else DENIED)
+                answer(self._set_interval(p[0], p[1]))
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 reply = self._reports.message(p[0])
+                if reply is None:
+                    self._gimbal.deny(
+                        f"a request for message {p[0]:g} is denied: {self._reports.offered}"
+                    )
                 answer(ACCEPTED if reply is not None else DENIED)
             case _ if message.target_component:
                 answer(UNSUPPORTED)
@@ -205,9 +209,26 @@ class Mavlink:
         """Set who is in control, and return the result."""
         primary = holder(p[0], p[1], self._holders[0], source)
         secondary = holder(p[2], p[3], self._holders[1], source)
-        if primary is None or secondary is None or not _is_own(p[6]):
+        if not self._is_for_us(p[6]):
+            return DENIED
+        if primary is None or secondary is None:
+            wrong = p[:2] if primary is None else p[2:4]
+            self._gimbal.deny(
+                f"control for the component {wrong[0]:g}/{wrong[1]:g} is denied: expected ids of 1 "
+                "to 255, 0 for none, -1 for no change, -2 for the sender or -3 to release it"
+            )
             return DENIED
         return self._control(primary, secondary)
+
+    def _set_interval(self, number: float, microseconds: float) -> int:
+        """Set the interval of a message, and return the result."""
+        if self._reports.set_interval(number, microseconds):
+            return ACCEPTED
+        self._gimbal.deny(
+            f"an interval of {microseconds:g} us for message {number:g} is denied: expected -1 for "
+            f"never, 0 for the usual one, or a time; {self._reports.offered}"
+        )
+        return DENIED
 
     def _control(self, *holders: Source) -> int:
         try:
@@ -225,7 +246,8 @@ class Mavlink:
         return ACCEPTED
 
     def _pitch_yaw(self, p: Sequence[float], source: Source, answer: Callable[[int], None]) -> None:
-        flags = int(p[4]) if 0.0 <= p[4] < 1 << 16 else 0
+        are_flags = 0.0 <= p[4] < 1 << 16 and p[4].is_integer()
+        flags = int(p[4]) if are_flags else 0
         pitch, yaw, pitch_rate, yaw_rate = map(math.radians, p[:4])
         wish = level(flags, (pitch, yaw), (pitch_rate, yaw_rate))
         asked = repr((source, p))
@@ -238,8 +260,9 @@ class Mavlink:
 
         if not self._may(source, p[6]):
             answer(DENIED)
-        elif not 0.0 <= p[4] < 1 << 16:
-            self._gimbal.deny(f"flags of {p[4]:g} are denied: expected a number of 0 to 65535")
+        elif not are_flags:
+            expected = "expected a whole number of 0 to 65535"
+            self._gimbal.deny(f"flags of {p[4]:g} are denied: {expected}; add up the flags")
             answer(DENIED)
         elif not self._gimbal.can(wish):
             answer(DENIED)
@@ -267,7 +290,8 @@ class Mavlink:
             wish = wish_of(message)
         if wish is None:
             self._gimbal.deny(
-                f"a quaternion of norm {math.hypot(*message.q):.6g} is denied: expected norm 1"
+                f"a quaternion of norm {math.hypot(*message.q):.6g} is denied: expected norm 1; "
+                "divide it by its norm"
             )
         elif self._gimbal.can(wish):
             self._gimbal.take(wish, life=STREAM_LIFE)
@@ -287,16 +311,22 @@ class Mavlink:
 
     def _may(self, source: Source, gimbal: float) -> bool:
         """Return whether a component may command a gimbal device id; otherwise warn of it."""
-        if not _is_own(gimbal):
-            self._gimbal.deny(
-                f"a command for the gimbal device {gimbal:g} is denied: this one has id {GIMBAL_ID}"
-            )
-        elif source not in self._holders:
+        if not self._is_for_us(gimbal):
+            return False
+        if source not in self._holders:
             self._gimbal.deny(
                 f"a command of the component {source[0]}/{source[1]} is denied: it must first take "
                 "control, by MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE"
             )
-        return source in self._holders and _is_own(gimbal)
+        return source in self._holders
+
+    def _is_for_us(self, gimbal: float) -> bool:
+        """Return whether a command is for this gimbal device; otherwise warn of it."""
+        if not _is_own(gimbal):
+            self._gimbal.deny(
+                f"a command for the gimbal device {gimbal:g} is denied: this one has id {GIMBAL_ID}"
+            )
+        return _is_own(gimbal)
 
 
 def holder(system: float, component: float, present: Source, source: Source) -> Source | None:

@@ -13,6 +13,7 @@ _BEGINNINGS = {
     b"PK\x03\x04": "a ZIP archive or spreadsheet; unpack it, or export the sheet as .csv",
     b"SQLite format 3": "an SQLite database; name it .db3 if it is a ROS 2 bag",
     b"\x89MCAP": "an MCAP file; name it .mcap",
+    b"PAR1": "a Parquet file; export its quaternions as .csv",
     b"\x89HDF": "an HDF5 file; export its quaternions as .csv",
 }
 

@@ -57,6 +57,8 @@ _NO_SECONDS = 10**17
 """A whole number of seconds from here on is one of nanoseconds."""
 _FAR_APART = 1e3
 """Seconds between two rows beyond which the times must be in another unit."""
+_CLOSE = 1e-6
+"""Seconds between two rows below which the times must be in another unit."""
 _LATEST = 2**62
 _SHOWN = 40
 """Most characters of a word in an error."""
@@ -149,7 +151,7 @@ def _samples(table: _Table) -> dict[str, Samples]:
             if math.isnan(column[-1]) and name not in wrong:
                 wrong[name] = number, _cause(words, row, table, places[name])
     if not numbers:
-        raise RecordingError(f"{table.path}: no rows below the names of the columns")
+        raise RecordingError(f"{table.path}: no rows below the names of the columns; add them")
     columns = {name: np.array(column) for name, column in read.items()}
     stamps = {name: np.array(instants, dtype=np.int64) for name, instants in clocks.items()}
     known = np.array(given)[~np.isnan(given)]
@@ -158,6 +160,11 @@ def _samples(table: _Table) -> dict[str, Samples]:
         raise RecordingError(
             f"{table.path}: the column {clock!r} is in seconds, and rows are {apart:g} s apart; "
             "call it 'time_ns' if it holds nanoseconds"
+        )
+    if unit != "s" and 0.0 < apart * 10.0 ** (_UNITS[unit] - 9) < _CLOSE:
+        raise RecordingError(
+            f"{table.path}: the column {clock!r} is in {unit}, and rows are {apart:.3g} {unit} "
+            "apart; call it 'time_s' if it holds seconds"
         )
     return {
         topic: Samples(

@@ -16,6 +16,8 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from orientd.one_line import counted
+
 OK, INVALID, TIMEOUT, IO_ERROR, REJECTED, UNAVAILABLE = 0, 1, 5, 6, 9, 11
 """Codes of Hamlib; a negative one answers a command that failed."""
 
@@ -67,8 +69,9 @@ _NAMES_NOT_SERVED = frozenset(
 )
 _SHOWN = 40
 """Most characters of a line that a message shows."""
-_UNSERVED = "not served: a device has no levels, functions or parameters"
+_UNSERVED = "not served: a device has no levels, functions or parameters; leave it out"
 _UNKNOWN = f"unknown command, expected one of {', '.join(NAMES).replace(chr(0x8F), 'dump_state')}"
+_LONG = re.compile(r"\w{2,}", re.ASCII)
 _WORD = re.compile(r"\\(\w*)|(.)", re.ASCII | re.DOTALL)
 
 
@@ -103,7 +106,7 @@ def commands(line: bytes) -> Iterator[Command]:
         problem = f"a line of more than {LONGEST} bytes; end each command with a line feed"
         yield Command("", error=INVALID, problem=problem)
         return
-    text = line.decode("latin-1").rstrip("\r\n\0 \t")
+    text = _text_of(line).rstrip("\r\n\0 \t")
     place = 0
     while True:
         while place < len(text) and text[place].isspace():
@@ -121,6 +124,11 @@ def commands(line: bytes) -> Iterator[Command]:
             yield Command("", separator=separator, error=INVALID, problem=problem)
             return
         name, letter = word.groups()
+        long = _LONG.match(text, place)
+        if long and long.group() in NAMES.values():
+            problem = f"{long.group()}: a long name needs a backslash; write \\{long.group()}"
+            yield Command("", separator=separator, error=INVALID, problem=problem)
+            return
         if letter is not None:
             name = NAMES.get(letter.replace("Q", "q"))
         if name not in NAMES.values():
@@ -137,13 +145,21 @@ def commands(line: bytes) -> Iterator[Command]:
         words = text[word.end() :].split(None, count)
         given = tuple(words[:count])
         if len(given) < count:
-            expected = f"expected {count} values, got {len(given)}"
+            expected = f"expected {counted(count, 'value')}, got {len(given)}"
             problem = f"{name}: {expected}; give them in the line of the command"
             yield Command("", given, separator, INVALID, problem)
             return
         yield Command(name, given, separator)
         rest = words[count] if len(words) > count else ""
         place = len(text) - len(rest) if count else word.end()
+
+
+def _text_of(line: bytes) -> str:
+    """Return the text of a line; a byte that is no UTF-8 is a character of its own."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
 
 
 def number(word: str) -> float:

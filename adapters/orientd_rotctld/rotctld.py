@@ -164,7 +164,8 @@ class Rotctld:
             self._pointer.go(self._ranges.nearest(self._ranges.form(_PARK, _PARK)))
 
     def _reset(self, kind: str) -> None:
-        protocol.number(kind)
+        if not kind.isdecimal():
+            raise ValueError(f"expected the number of a reset, such as 1 for all, got {kind!r}")
         if self._served.report().state == pb.STATE_FAULT:
             self._served.robot.reset(self._served.name)
 

@@ -62,7 +62,8 @@ def target(socket: Path) -> str:
     size = len(os.fsencode(path))
     if size > MAX_PATH_BYTES:
         raise DaemonError(
-            f"the path of a socket has at most {MAX_PATH_BYTES} bytes, {path} has {size}"
+            f"the path of a socket has at most {MAX_PATH_BYTES} bytes, {path} has {size}; "
+            "choose a shorter one"
         )
     return f"unix:{path}"
 

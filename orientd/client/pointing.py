@@ -360,7 +360,7 @@ class Pointing(ABC):
             _degrees(roll, "roll")
         if pointing_axis not in AXES:
             expected = f"expected one of {', '.join(get_args(Axis))}"
-            raise RequestError("pointing_axis", f"{expected}, got {pointing_axis!r}")
+            raise RequestError("pointing_axis", f"{expected}, got {pointing_axis!r}; give one")
         found, now_ns = self._frame(frame), time.monotonic_ns()
         stamp_ns, kind = _stamp(time_ns, now_ns), (frame, pointing_axis, place is None)
         expires_ns = _expiry(velocity, stamp_ns, time_to_live)
@@ -400,7 +400,8 @@ class Pointing(ABC):
             self._frames = self._configured()
         if name not in self._frames:
             near = did_you_mean(name, list(self._frames))
-            raise RequestError("frame", f"the device has no frame {name!r}{near}")
+            step = near or "; define it in `frames` of the device"
+            raise RequestError("frame", f"the device has no frame {name!r}{step}")
         return self._frames[name]
 
     def _configured(self) -> dict[str, NamedFrame]:
@@ -485,7 +486,7 @@ def _finite(given: Vector3, name: str) -> Vector3:
         RequestError: one is not finite.
     """
     if not all(map(math.isfinite, given)):
-        raise RequestError(name, f"expected finite numbers, got {given}")
+        raise RequestError(name, f"expected finite numbers, got {given}; leave out this sample")
     return given
 
 
@@ -496,7 +497,7 @@ def _degrees(given: float, name: str) -> float:
         RequestError: it is not a finite number.
     """
     if not isinstance(given, int | float) or not math.isfinite(given):
-        raise RequestError(name, f"expected degrees, got {given!r}")
+        raise RequestError(name, f"expected degrees, got {given!r}; give a finite number")
     return math.radians(given)
 
 

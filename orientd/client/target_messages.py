@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import RequestError
-from orientd.model.keyframes import keyframe_mappings
+from orientd.model.keyframes import keyframe_mapping
 from orientd.model.orientation import FORMS
 from orientd.model.plain import joined
 from orientd.model.reading import read_keyframe
@@ -105,7 +105,8 @@ def is_in_world(frame: object, place: str = "velocity_frame") -> bool:
         RequestError: it is neither that of the body nor that of the world.
     """
     if frame not in get_args(Frame):
-        raise RequestError(place, f"expected 'body' or 'world', got {frame!r}")
+        problem = f"expected 'body' or 'world', got {frame!r}; give one of them"
+        raise RequestError(place, problem)
     return frame == "world"
 
 
@@ -118,7 +119,8 @@ def vector_of(given: object, place: str) -> Vector3:
     try:
         x, y, z = map(float, given)  # type: ignore[call-overload] # whatever came
     except (TypeError, ValueError):
-        raise RequestError(place, f"expected three numbers, got {given!r}") from None
+        problem = f"expected three numbers, got {given!r}; give x, y and z"
+        raise RequestError(place, problem) from None
     return x, y, z
 
 
@@ -135,11 +137,11 @@ def orientation_of(target: object, place: str = "target") -> Orientation:
     """
     if isinstance(target, Quaternion):
         return (float(target.w), float(target.x), float(target.y), float(target.z))
-    mapping = keyframe_mappings([target])[0]
+    mapping = keyframe_mapping(target, place)
     for key in sorted(set(mapping) - set(FORMS)):
         if key in TARGET_KEYS:
             raise RequestError(f"{place}.{key}", "expected next to the orientation, not among it")
-        near = did_you_mean(key, [*FORMS, *TARGET_KEYS])
+        near = did_you_mean(key, [*FORMS, *TARGET_KEYS]) or "; leave it out"
         raise RequestError(place, f"unknown key {key!r}{near}")
     try:
         return read_keyframe(mapping).q

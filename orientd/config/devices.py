@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from orientd.config.table import Name, Positive, Table, checked
-from orientd.errors import RequestError
+from orientd.config.table import SOURCE, Name, Positive, Table, checked
+from orientd.errors import ConfigError, RequestError
 from orientd.model.cones import read_cones
 from orientd.model.fields import AngularRate, LinearRate
 
 if TYPE_CHECKING:
+    from orientd.driver import Driver
     from orientd.keep_out import KeepOut
     from orientd.model.limits import Limits
     from orientd.model.request import Frame
@@ -120,6 +121,7 @@ class DeviceSettings(Table):
     """
 
     implied: ClassVar[frozenset[str]] = frozenset({"name"})
+    _source: str = PrivateAttr(default="")
 
     name: Name
     driver: str
@@ -164,6 +166,10 @@ class DeviceSettings(Table):
             raise RequestError(f"keep_out{error.field}", error.problem) from error
         return self
 
+    def model_post_init(self, context: Mapping[str, str] | None) -> None:
+        """Keep the name of the file."""
+        self._source = (context or {}).get(SOURCE, "")
+
     def to_frames(self) -> Mapping[str, Frame]:
         """Return the frames as the planner has them.
 
@@ -185,17 +191,31 @@ class DeviceSettings(Table):
         """
         return read_cones(self.keep_out) if self.keep_out else ()
 
+    def make_driver(self) -> Driver:
+        """Return the driver, which never opens its device.
+
+        Raises:
+            ConfigError: the driver is not installed, or refuses its options; the line names the
+                file.
+        """
+        from orientd.driver import make_driver
+
+        try:
+            return make_driver(self.name, self.driver, self.options, self.period_ns)
+        except ConfigError as error:
+            source = f"{self._source}: " if self._source else ""
+            raise ConfigError(f"{source}{error}") from error
+
     def planner(self) -> DevicePlanner:
         """Return what plans for this device, without a daemon.
 
         Raises:
             ConfigError: the driver is not installed, or refuses its options.
         """
-        from orientd.driver import make_driver
         from orientd.planner.device_planner import DevicePlanner
 
         return DevicePlanner(
-            make_driver(self.name, self.driver, self.options, self.period_ns),
+            self.make_driver(),
             limits=self.limits.to_limits(),
             period=self.period_ns * 1e-9,
             frames=self.to_frames(),

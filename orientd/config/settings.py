@@ -23,7 +23,7 @@ from orientd.config.operation import (
     RecorderSettings,
     TcpSettings,
 )
-from orientd.config.table import Table
+from orientd.config.table import SOURCE, Table
 from orientd.errors import ConfigError, RequestError
 from orientd.files import MEBIBYTE, read_bounded
 from orientd.one_line import one_line
@@ -46,6 +46,7 @@ _NEXT_STEPS = {
     "string_type": "put it in quotes",
     "is_instance_of": "put it in quotes",
     "too_short": "add one",
+    "string_pattern_mismatch": "choose another name",
     **dict.fromkeys(
         ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"),
         "give a number in this range, or leave the key out for its default",
@@ -62,11 +63,13 @@ _TOML_HINTS = (
     (re.compile(r"[\w.-]+:|\{"), "a configuration is TOML: KEY = VALUE below [HEADING]"),
 )
 """Lines that are no TOML, and what to write instead."""
-_TOML_TWICE = {
+_TOML_PROBLEMS = {
     "twice": "give each heading once, and each device a name of its own",
     "overwrite": "give each key once",
+    "Duplicate": "give each key once",
+    "at end of document": "close the quotes and brackets",
 }
-"""Words about what stands twice in TOML, and what to do."""
+"""Words of a problem of TOML, and what to do."""
 _SHOWN_LINE = 60
 """Most characters of a line that a message shows."""
 
@@ -106,7 +109,10 @@ class Settings(Table):
     access: AccessSettings = AccessSettings()
     tcp: TcpSettings | None = None
     metrics: MetricsSettings | None = None
-    devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
+    devices: Annotated[
+        dict[str, DeviceSettings],
+        Field(default_factory=dict, min_length=1, validate_default=True),
+    ]
 
     _of_packages: dict[str, str] = PrivateAttr(default_factory=dict)
 
@@ -239,11 +245,13 @@ def read_table(path: Path) -> dict[str, Any]:
         ConfigError: it cannot be read, or is not TOML.
     """
     try:
-        text = read_bounded(path, MEBIBYTE).decode("utf-8")
+        text = read_bounded(path, MEBIBYTE).decode("utf-8-sig")
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
+        raise ConfigError(
+            f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from error
     try:
         return tomllib.loads(text)
     # Numbers and dates out of range are a ValueError of another kind.
@@ -258,13 +266,13 @@ def _toml_hint(text: str, problem: str) -> str:
     """Return the line that is no TOML, and what to write instead; empty if the place is unknown."""
     place = _TOML_PLACE.search(problem)
     lines = text.split("\n")
-    if place is None or int(place[1]) > len(lines):
-        return ""
-    line = lines[int(place[1]) - 1].strip()
-    hints = [hint for word, hint in _TOML_TWICE.items() if word in problem]
+    line = ""
+    if place is not None and int(place[1]) <= len(lines):
+        line = lines[int(place[1]) - 1].strip()
+    hints = [hint for word, hint in _TOML_PROBLEMS.items() if word in problem]
     hints += [hint for form, hint in _TOML_HINTS if form.match(line)]
     hint = f"; {hints[0]}" if hints else ""
-    return f": {line[:_SHOWN_LINE]!r}{hint}" if line else ""
+    return f": {line[:_SHOWN_LINE]!r}{hint}" if line else hint
 
 
 Read = TypeVar("Read", bound=Table)
@@ -286,7 +294,7 @@ def parse_as(kind: type[Read], table: Mapping[str, Any], *, source: str) -> Read
         ConfigError: a key is unknown, missing or not allowed.
     """
     try:
-        return kind.model_validate(table)
+        return kind.model_validate(table, context={SOURCE: source})
     except ValidationError as error:
         raise ConfigError(one_line(f"{source}: {_describe(error)}")) from error
 

@@ -11,6 +11,9 @@ from pydantic_core import PydanticCustomError
 
 from orientd.spelling import unknown_key
 
+SOURCE = "source"
+"""Key of the validation context: the name of the file, for messages about its settings."""
+
 
 class Table(BaseModel):
     """A table of the settings: unknown keys are errors, and nothing is converted.

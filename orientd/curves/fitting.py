@@ -389,7 +389,12 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
     for _ in range(_PASSES):
         if len(instants) < FEWEST:
             problem = f"a fit needs at least {FEWEST} samples, got {len(instants)}"
-            raise PlanError(f"{problem}; take a longer recording")
+            if given < FEWEST:
+                raise PlanError(f"{problem}; take a longer recording")
+            raise PlanError(
+                f"{problem} on one smooth motion of {given}; check the columns of the quaternions, "
+                "and the unit of the times"
+            )
         misses, spread = _misses(instants, found)
         noise = _GAUSSIAN * float(np.median(np.abs(misses / spread[:, None])))
         size = np.sqrt(np.sum(misses**2, axis=-1))

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from orientd.driver.values import IDENTITY, Quaternion
+from orientd.spelling import did_you_mean
 from orientd.tolerances import NORM_TOLERANCE
 
 
@@ -17,8 +18,9 @@ def check_names(options: Mapping[str, Any], known: Collection[str], where: str =
     """Refuse an option that is not among *known*; *where* precedes its name in errors."""
     for name in options:
         if name not in known:
+            near = did_you_mean(name, known)
             raise ValueError(
-                f"unknown option {where + name!r}, allowed are: {', '.join(sorted(known))}"
+                f"unknown option {where + name!r}, allowed are: {', '.join(sorted(known))}{near}"
             )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from orientd.clock import MonotonicClock
 from orientd.driver.contract import Driver
 from orientd.errors import ConfigError
+from orientd.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -57,7 +58,8 @@ def make_driver(device: str, name: str, options: Mapping[str, Any], period_ns: i
     try:
         return driver(options, period_ns=period_ns, clock=MonotonicClock())
     except ValueError as error:
-        raise ConfigError(f"devices.{device}.options: {error}") from error
+        heading = f"devices.{device}.options"
+        raise ConfigError(f"{heading}: {error}; correct it below [{heading}]") from error
 
 
 def _find(name: str) -> EntryPoint:
@@ -68,4 +70,5 @@ def _find(name: str) -> EntryPoint:
         if entry.name == name:
             return entry
     known = ", ".join(sorted(entries.names)) or "none"
-    raise ConfigError(f"unknown driver {name!r}, installed are: {known}")
+    near = did_you_mean(name, entries.names) or "; install its package, or name one of these"
+    raise ConfigError(f"unknown driver {name!r}, installed are: {known}{near}")

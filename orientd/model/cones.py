@@ -71,7 +71,7 @@ class Cone(StrictTable):
 def _axis(given: object) -> object:
     if isinstance(given, str):
         if given not in _AXES:
-            raise RequestError("", f"expected x, y, z or a vector, got {shown(given)}")
+            raise RequestError("", f"expected x, y, z or a vector, got {shown(given)}; give one")
         return _AXES[given]
     return given
 
@@ -84,17 +84,18 @@ def _cone(content: object, read_table: Any) -> KeepOut:  # noqa: ANN401 - pydant
     name = table["name"]
     if not _NAME.fullmatch(name):
         expected = "expected a letter, then at most 31 letters, digits, '-' or '_'"
-        raise RequestError("name", f"{expected}, got {name[:40]!r}")
+        raise RequestError("name", f"{expected}, got {name[:40]!r}; choose another name")
     given = [form for form in _FORMS if form in table]
     if len(given) != 1:
-        came = " and ".join(given) or "none of them"
+        came = f"{' and '.join(given)}; keep one" if given else "none of them; add one"
         raise RequestError("", f"expected one of {', '.join(_FORMS)}; got {came}")
     half, margin = table["half_angle_deg"], table.get("margin_deg", 0.0)
     if not 0.0 < half <= _WIDEST:
-        raise RequestError("half_angle_deg", f"expected above 0, at most {_WIDEST:g}, got {half:g}")
+        expected = f"expected above 0, at most {_WIDEST:g}, got {half:g}"
+        raise RequestError("half_angle_deg", f"{expected}; give half of the angle, in degrees")
     if not 0.0 <= margin <= _WIDEST - half:
         most = f"expected from 0 to {_WIDEST - half:g}, so that it ends within {_WIDEST:g} degrees"
-        raise RequestError("margin_deg", f"{most}, got {margin:g}")
+        raise RequestError("margin_deg", f"{most}, got {margin:g}; give a smaller one")
     return KeepOut(
         name=name,
         direction=_direction(given[0], table[given[0]]),
@@ -115,7 +116,8 @@ def _direction(form: str, given: Any) -> driver.Vector3 | Sun:  # noqa: ANN401 -
     for name, most in (("latitude", 90.0), ("longitude", 360.0), ("north", 360.0)):
         if abs(given.get(name, 0.0)) > most:
             expected = f"expected degrees from {-most:g} to {most:g}"
-            raise RequestError(f"sun.{name}", f"{expected}, got {given[name]:g}")
+            step = "check the decimal point"
+            raise RequestError(f"sun.{name}", f"{expected}, got {given[name]:g}; {step}")
     return Sun(given["latitude"], given["longitude"], given.get("north", NORTH))
 
 
@@ -123,7 +125,8 @@ def _unit(field: str, vector: Sequence[float]) -> driver.Vector3:
     x, y, z = vector
     length = math.hypot(x, y, z)
     if not 0.0 < length < math.inf:
-        raise RequestError(field, f"expected a direction, got {list(vector)}")
+        step = "give one that is not zero"
+        raise RequestError(field, f"expected a direction, got {list(vector)}; {step}")
     if abs(length - 1.0) < ROUNDING:
         return x, y, z  # the same to the last bit when it is read again
     return x / length, y / length, z / length
@@ -131,11 +134,11 @@ def _unit(field: str, vector: Sequence[float]) -> driver.Vector3:
 
 def _distinct(cones: tuple[KeepOut, ...]) -> tuple[KeepOut, ...]:
     if len(cones) > MOST_CONES:
-        raise RequestError("", f"expected at most {MOST_CONES}, got {len(cones)}")
+        raise RequestError("", f"expected at most {MOST_CONES}, got {len(cones)}; join some")
     names = [cone.name for cone in cones]
     for index, name in enumerate(names):
         if name in names[:index]:
-            problem = f"{name!r} is the name of keep_out[{names.index(name)}] too"
+            problem = f"{name!r} is the name of keep_out[{names.index(name)}] too; rename one"
             raise RequestError(f"[{index}].name", problem)
     return cones
 

@@ -83,12 +83,13 @@ def _components(content: object, read: Any) -> tuple[float, ...]:  # noqa: ANN40
     if isinstance(content, tuple) or hasattr(content, "tolist"):
         numbers = content if isinstance(content, tuple) else tuple(content.tolist())
         if len(numbers) != 4:
-            raise RequestError("", f"expected four numbers w, x, y, z, got {content}")
+            raise RequestError("", f"expected four numbers w, x, y, z, got {content}; give 4")
         if set(map(type, numbers)) == {float} and math.isfinite(sum(numbers)):
             return numbers
         content = dict(zip("wxyz", numbers, strict=True))
     if not isinstance(content, Mapping):
-        raise RequestError("", f"expected {{w: ..., x: ..., y: ..., z: ...}}, got {shown(content)}")
+        expected = "expected {w: ..., x: ..., y: ..., z: ...}"
+        raise RequestError("", f"{expected}, got {shown(content)}; name the components")
     return tuple(read(content).values())
 
 
@@ -96,14 +97,15 @@ def _three(content: object) -> object:
     """Return the components of a vector as a list, or refuse what is none."""
     plain = to_plain(content)
     if not isinstance(plain, list | tuple):
-        raise RequestError("", f"expected three numbers, got {shown(content)}")
+        step = "write them as [x, y, z]"
+        raise RequestError("", f"expected three numbers, got {shown(content)}; {step}")
     return plain
 
 
 def _printable(text: str) -> str:
     if len(text) > LONGEST_NAME or not text.isprintable():
         expected = f"expected at most {LONGEST_NAME} printable characters"
-        raise RequestError("", f"{expected}, got {len(text)}: {text[:20]!r}")
+        raise RequestError("", f"{expected}, got {len(text)}: {text[:20]!r}; give a shorter one")
     return text
 
 
@@ -120,7 +122,9 @@ def _read_by(reader: Callable[[object], Any]) -> PlainValidator:
         try:
             return None if content is None else reader(content)
         except ValueError as error:
-            raise RequestError("", f"expected {error}, got {shown(content)}") from None
+            value = shown(content)
+            step = "" if value.endswith(")") else "; give such a limit, or leave it out"
+            raise RequestError("", f"expected {error}, got {value}{step}") from None
 
     return PlainValidator(read)
 
@@ -161,7 +165,10 @@ def word_or_number(word: str, most: float, unit: str) -> BeforeValidator:
         is_number = isinstance(content, int | float) and not isinstance(content, bool)
         if is_number and 0.0 < content <= most and content != math.inf:  # type: ignore[operator]
             return content
-        raise RequestError("", f"expected {word!r} or {unit}, got {shown(content)}")
+        value = shown(content)
+        span = f", at most {most:g}" if most < math.inf else ""
+        step = "" if value.endswith(")") else f"; give a number above 0{span}"
+        raise RequestError("", f"expected {word!r} or {unit}, got {value}{step}")
 
     return BeforeValidator(check)
 

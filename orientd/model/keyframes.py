@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from orientd.errors import RequestError
-from orientd.model.plain import to_plain
+from orientd.model.plain import shown, to_plain
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -58,7 +58,9 @@ def keyframe_mappings(
         is_sequence = not isinstance(keyframes, Mapping | str)
     if not is_sequence:
         raise RequestError("keyframes", f"expected a sequence, got {type(keyframes).__name__}")
-    mappings = [_mapping(keyframe, f"keyframes[{k}]") for k, keyframe in enumerate(keyframes)]
+    mappings = [
+        keyframe_mapping(keyframe, f"keyframes[{k}]") for k, keyframe in enumerate(keyframes)
+    ]
     columns = {"time": times, "position": positions, "turns": turns}
     for key, first, each in _COLUMNS:
         if columns[key] is None:
@@ -75,11 +77,21 @@ def keyframe_mappings(
     return mappings
 
 
-def _mapping(keyframe: object, place: str) -> dict[str, Any]:
+def keyframe_mapping(keyframe: object, place: str) -> dict[str, Any]:
+    """Return one keyframe as a motion file has it.
+
+    Args:
+        keyframe: an orientation, or a mapping as in a motion file.
+        place: its name in messages.
+
+    Raises:
+        RequestError: it is neither.
+    """
     if isinstance(keyframe, Mapping):
         return {str(key): to_plain(content) for key, content in keyframe.items()}
     if isinstance(keyframe, list | tuple) or hasattr(keyframe, "tolist"):
-        raise RequestError(place, f"{EXPECTED}; a bare sequence does not say its order")
+        step = "name its components: a bare sequence does not say its order"
+        raise RequestError(place, f"{EXPECTED}, got {shown(to_plain(keyframe))}; {step}")
     from orientd.rotation import Quaternion, is_rotation
 
     if isinstance(keyframe, Quaternion):
@@ -87,7 +99,7 @@ def _mapping(keyframe: object, place: str) -> dict[str, Any]:
     if not is_rotation(keyframe):
         raise RequestError(place, f"{EXPECTED}; got {type(keyframe).__name__}")
     if not keyframe.single:  # type: ignore[attr-defined]
-        raise RequestError(place, "expected one rotation, got a Rotation of many")
+        raise RequestError(place, "expected one rotation, got a Rotation of many; give one of them")
     # SciPy's own order is scalar last.
     x, y, z, w = keyframe.as_quat(canonical=False).tolist()  # type: ignore[attr-defined]
     return {"quaternion": {"w": w, "x": x, "y": y, "z": z}}

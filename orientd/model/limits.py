@@ -244,14 +244,15 @@ class Limits:
             if math.isfinite(limit) and not LOWEST <= limit <= HIGHEST:
                 raise RequestError(
                     f"limits.{name}",
-                    f"must be within {LOWEST:g} and {HIGHEST:g} {UNITS[name]}, got {limit:g}",
+                    f"must be within {LOWEST:g} and {HIGHEST:g} {UNITS[name]}, got {limit:g}; "
+                    "give a limit in this range, or leave it out",
                 )
         most = math.pi / period
         if math.isfinite(self.velocity) and self.velocity > most:
             raise RequestError(
                 "limits.velocity",
                 f"must be at most half a turn in a cycle, {most:.6g} rad/s with a period of "
-                f"{period:g} s, got {self.velocity:g}",
+                f"{period:g} s, got {self.velocity:g}; give a lower one",
             )
 
     def narrowed(self, request: Limits | None) -> Limits:

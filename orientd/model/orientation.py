@@ -31,7 +31,7 @@ def unit(q: Quaternion, tolerance: float) -> Read:
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     error = abs(norm - 1.0)
     if not error <= tolerance:
-        problem = f"norm must be 1 within {tolerance:g}, got {norm:.9g}"
+        problem = f"norm must be 1 within {tolerance:g}, got {norm:.9g}; divide it by its norm"
         raise RequestError("quaternion", problem)
     if error <= ROUNDING:
         return q, ""
@@ -44,7 +44,9 @@ def _from_vector(vector: Vector3) -> Read:
 
     angle, note = math.hypot(*vector), ""
     if angle > _LONGEST:
-        raise RequestError("rotation_vector", f"expected an angle in rad, got {angle:g}")
+        raise RequestError(
+            "rotation_vector", f"expected an angle in rad, got {angle:g}; give fewer turns"
+        )
     if angle > math.pi + _ROUNDED:
         rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
         note = (
@@ -62,7 +64,9 @@ def _from_matrix(rows: Sequence[Vector3]) -> Read:
     try:
         return from_matrix(rows).tolist(), ""
     except ValueError as error:
-        raise RequestError("matrix", str(error).removeprefix("matrix ")) from None
+        problem = str(error).removeprefix("matrix ")
+        step = "give orthonormal rows, or another form"
+        raise RequestError("matrix", f"{problem}; {step}") from None
 
 
 def _from_euler(given: Any) -> Read:  # noqa: ANN401 - EulerAngles
@@ -72,13 +76,14 @@ def _from_euler(given: Any) -> Read:  # noqa: ANN401 - EulerAngles
     try:
         from_euler(axes, [0.0] * len(axes))
     except ValueError as error:
-        raise RequestError("euler.axes", str(error).removeprefix("axes ")) from None
+        problem = str(error).removeprefix("axes ")
+        raise RequestError("euler.axes", f"{problem}; give for example xyz") from None
     if len(degrees) != len(axes):
         expected = f"expected {len(axes)} angles for the axes {axes!r}"
-        raise RequestError("euler.degrees", f"{expected}, got {len(degrees)}")
+        raise RequestError("euler.degrees", f"{expected}, got {len(degrees)}; give one for each")
     angle, note = max(degrees, key=abs), ""
     if abs(angle) > _LONGEST:
-        raise RequestError("euler.degrees", f"expected degrees, got {angle:g}")
+        raise RequestError("euler.degrees", f"expected degrees, got {angle:g}; give fewer turns")
     q = from_euler(axes, [math.radians(angle) for angle in degrees]).tolist()
     if abs(angle) > 360.0 + _ROUNDED:
         rest = math.remainder(angle, 360.0) + 0.0  # of nothing no negative
@@ -92,7 +97,7 @@ def _from_euler(given: Any) -> Read:  # noqa: ANN401 - EulerAngles
 def _from_direction(vector: Vector3, form: str = "direction") -> Read:
     x, y, z = vector
     if not math.hypot(x, y, z) > 0.0:
-        raise RequestError(form, "expected a direction, got none: the vector is zero")
+        raise RequestError(form, "expected a direction, got none: the vector is zero; give another")
     return _level(math.atan2(y, x), math.atan2(z, math.hypot(x, y)))
 
 

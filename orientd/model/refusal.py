@@ -26,6 +26,21 @@ _EXPECTED = {
     "dataclass_type": "a mapping",
     "mapping_type": "a mapping",
 }
+_NEXT_STEPS = {
+    "float_type": "give a number such as 1.5",
+    "finite_number": "give a number such as 1.5",
+    "int_type": "give a number such as 2",
+    "int_parsing_size": "give a number such as 2",
+    "bool_type": "write one of the two",
+    "string_type": "put it in quotes",
+    "tuple_type": "write it as [..., ...]",
+    "list_type": "write it as [..., ...]",
+    "dict_type": "write it as {KEY: VALUE}",
+    "dataclass_type": "write it as {KEY: VALUE}",
+    "mapping_type": "write it as {KEY: VALUE}",
+    "literal_error": "give one of them",
+}
+"""The next step after an error of validation, by its kind."""
 _UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden", "invalid_key")
 
 Kind = TypeVar("Kind")
@@ -71,16 +86,20 @@ def refused(error: ValidationError, of: Any) -> RequestError:  # noqa: ANN401 - 
     if kind == "missing" and isinstance(loc[-1], int):
         count = max(int(one["loc"][-1]) for one in found if one["loc"][:-1] == loc[:-1]) + 1
         problem = f"expected {count} entries, got {len(came)}: {shown(came)}"
-        return RequestError(_path(loc[:-1]), problem)
+        return RequestError(_path(loc[:-1]), f"{problem}; give {count}, with decimal points")
     if kind == "missing":
-        return RequestError(_path(loc), "missing")
+        return RequestError(_path(loc), "missing; add this key")
     if kind == "too_long":
         count, size = first["ctx"]["max_length"], first["ctx"]["actual_length"]
-        return RequestError(_path(loc), f"expected {count} entries, got {size}: {shown(came)}")
+        problem = f"expected {count} entries, got {size}: {shown(came)}"
+        return RequestError(_path(loc), f"{problem}; give {count}, with decimal points")
     expected = _EXPECTED.get(kind) or first.get("ctx", {}).get("expected") or first["msg"]
     if kind == "dict_type" and (needed := _needed(of, loc)):
         expected = f"{{{', '.join(f'{key}: ...' for key in needed)}}}"
-    return RequestError(_path(loc), f"expected {expected}, got {shown(came)}")
+    value = shown(came)
+    is_hinted = value.endswith(")")  # how this text would be a number
+    step = "" if kind not in _NEXT_STEPS or is_hinted else f"; {_NEXT_STEPS[kind]}"
+    return RequestError(_path(loc), f"expected {expected}, got {value}{step}")
 
 
 def _path(loc: Iterable[int | str]) -> str:

@@ -79,7 +79,8 @@ def _read_orientation(of: Any, forms: Sequence[str], tolerance: float) -> None: 
     if of.q is not None:
         given["quaternion"] = of.q
     if len(given) != 1:
-        came = " and ".join(form for form in forms if form in given) or "none of them"
+        both = " and ".join(form for form in forms if form in given)
+        came = f"{both}; keep one" if both else "none of them; add one"
         raise RequestError("", f"expected one of {', '.join(forms)}; got {came}")
     ((form, value),) = given.items()
     q, note = read(form, value, tolerance)
@@ -124,7 +125,8 @@ class Pose:
         _read_orientation(self, FORMS[:4], NORM_TOLERANCE)
         if max(map(abs, self.position)) > FARTHEST_FRAME:
             expected = f"three numbers of at most {FARTHEST_FRAME:g} m"
-            raise RequestError("position", f"expected {expected}, got {self.position!r}")
+            step = "give metres"
+            raise RequestError("position", f"expected {expected}, got {self.position!r}; {step}")
 
 
 @refusing
@@ -211,9 +213,11 @@ class Keyframe:
     def __post_init__(self) -> None:
         _read_orientation(self, FORMS, TYPED_NORM_TOLERANCE)
         if abs(self.turns) > MOST_TURNS:
-            raise RequestError("turns", f"expected at most {MOST_TURNS} turns, got {self.turns}")
+            problem = f"expected at most {MOST_TURNS} turns, got {self.turns}; give fewer"
+            raise RequestError("turns", problem)
         if self.position is not None and (far := max(map(abs, self.position))) > FARTHEST:
-            raise RequestError("position", f"expected at most {FARTHEST:g} m, got {far:g} m")
+            problem = f"expected at most {FARTHEST:g} m, got {far:g} m; give metres"
+            raise RequestError("position", problem)
 
 
 def named_frames(given: Mapping[str, Frame]) -> Mapping[str, Frame]:
@@ -227,7 +231,7 @@ def named_frames(given: Mapping[str, Frame]) -> Mapping[str, Frame]:
     for name in given:
         if not _FRAME_NAME.fullmatch(name):
             expected = "expected a letter, then at most 31 letters, digits, '-' or '_'"
-            raise RequestError("", f"{expected}, got {name!r}")
+            raise RequestError("", f"{expected}, got {name!r}; choose another name")
     return MappingProxyType(dict(given))
 
 
@@ -312,7 +316,7 @@ class MotionRequest:
         if not keyframes and self.rate is not None:
             keyframes = (Keyframe(IDENTITY, relative=True),)
         if not keyframes:
-            raise RequestError("keyframes", "expected at least 1, got 0")
+            raise RequestError("keyframes", "expected at least 1, got 0; add one")
         notes = (*self.notes, *_reading_notes(keyframes, self.notes))
         _check_notes(notes)
         _check_times([one.time for one in keyframes])
@@ -485,9 +489,9 @@ def _check_times(times: Sequence[float | None]) -> None:
             raise RequestError(
                 f"keyframes[{index}].time",
                 f"{time:.9g} s is the time of keyframes[{index - 1}] too: an interval of length "
-                "zero"
+                "zero; give it a later time"
                 if time == before
                 else f"must be later than keyframes[{index - 1}] at {before:.9g} s, got {time:.9g} "
-                "s",
+                "s; give times that ascend",
             )
         before = time

@@ -108,11 +108,12 @@ def pose_problem(q: Quaternion, omega: Vector3 | None, position: Vector3 | None)
     size = math.sqrt(w * w + x * x + y * y + z * z)
     # Written so that a NaN is a problem.
     if not abs(size - 1.0) <= NORM_TOLERANCE:
-        return f"expected a quaternion of norm 1 within {NORM_TOLERANCE:g}, got norm {size:.9g}"
+        expected = f"expected a quaternion of norm 1 within {NORM_TOLERANCE:g}, got norm {size:.9g}"
+        return f"{expected}; divide it by its norm"
     if position is not None and not _is_within(position, MOST_METRES):
-        return f"expected a position within {MOST_METRES:g} m, got {position}"
+        return f"expected a position within {MOST_METRES:g} m, got {position}; give metres"
     if omega is not None and not _is_within(omega, MOST_RATE):
-        return f"expected an angular velocity within {MOST_RATE:g} rad/s, got {omega}"
+        return f"expected an angular velocity within {MOST_RATE:g} rad/s, got {omega}; give rad/s"
     return ""
 
 

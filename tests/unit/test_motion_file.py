@@ -356,7 +356,9 @@ def test_the_duration_is_a_minimum_or_left_to_the_method(written):
     assert load(written(KEYFRAMES)).duration is None
     field, problem = refusal(written(KEYFRAMES + "duration: shortest"))
     assert field == "duration"
-    assert problem == "expected 'minimum' or seconds, got the text 'shortest'"
+    assert (
+        problem == "expected 'minimum' or seconds, got the text 'shortest'; give a number above 0"
+    )
 
 
 def test_the_schema_admits_three_limits_where_the_reader_does():

@@ -3,6 +3,8 @@
 import pytest
 from command_line import inside
 
+from orientd.config import load
+
 DEVICE = "[devices.arm]\ndriver = 'loopback'\n"
 
 # The file, and the line about it.
@@ -87,12 +89,85 @@ WRONG = {
         "devices.arm.keep_out[0].azimuth_elevation.azimuth: expected -720 to 720 deg, got 24435; "
         "check the decimal point",
     ),
+    "a negative limit": (
+        DEVICE + "limits = {velocity = -1}\n",
+        "devices.arm.limits.velocity: expected a number greater than 0, got -1; "
+        "give such a limit, or leave it out",
+    ),
+    "a limit beyond all devices": (
+        DEVICE + "limits = {jerk = 1e99}\n",
+        "devices.arm.limits.jerk: must be within 1e-09 and 1e+12 rad/s^3, got 1e+99; "
+        "give a limit in this range, or leave it out",
+    ),
+    "an empty file": (
+        "",
+        "devices: expected at least one table [devices.NAME], got {}; add one",
+    ),
+    "a name with a space": (
+        "[devices.'arm 2']\ndriver = 'loopback'\n",
+        "devices.arm 2.name: expected a letter, then at most 31 letters, digits, '-' or '_', "
+        "got 'arm 2'; choose another name",
+    ),
+    "a quote that is left open": (
+        "[devices.arm]\ndriver = 'loopback",
+        'not TOML: Expected "\'" (at end of document); close the quotes and brackets',
+    ),
+    "a limit twice in braces": (
+        DEVICE + "limits = {velocity = 1, velocity = 2}\n",
+        "not TOML: Duplicate inline table key 'velocity' (at line 3, column 37): "
+        "'limits = {velocity = 1, velocity = 2}'; give each key once",
+    ),
+    "a cone without a name": (
+        DEVICE + "keep_out = [{half_angle_deg = 20}]\n",
+        "devices.arm.keep_out[0].name: missing; add this key",
+    ),
+    "a frame that is a number": (
+        DEVICE + "frames = {table = 1}\n",
+        "devices.arm.frames.table: expected a mapping, got 1; write it as {KEY: VALUE}",
+    ),
     "a rate of a motor": (
         DEVICE + "rate_hz = 50000\n",
         "devices.arm.rate_hz: expected less than or equal to 4000, got 50000; "
         "give a number in this range, or leave the key out for its default",
     ),
 }
+
+
+# What a driver refuses, when the device is made.
+WRONG_DRIVERS = {
+    "a misspelt driver": (
+        "[devices.arm]\ndriver = 'loopbac'\n",
+        "devices.arm.driver: unknown driver 'loopbac', installed are: dynamixel, loopback, ur; "
+        "did you mean 'loopback'?",
+    ),
+    "a driver that is not installed": (
+        "[devices.arm]\ndriver = 'kuka'\n",
+        "devices.arm.driver: unknown driver 'kuka', installed are: dynamixel, loopback, ur; "
+        "install its package, or name one of these",
+    ),
+    "a misspelt option": (
+        DEVICE + "options = {recrod = '/tmp/x'}\n",
+        "devices.arm.options: unknown option 'recrod', allowed are: delay_cycles, fault_file, "
+        "model, model_options, orientation, position, record; did you mean 'record'?; "
+        "correct it below [devices.arm.options]",
+    ),
+    "an arm without an address": (
+        "[devices.arm]\ndriver = 'ur'\n",
+        "devices.arm.options: host must be the robot's address, got None; "
+        "correct it below [devices.arm.options]",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_DRIVERS)
+def test_a_wrong_driver_or_option_is_refused_with_the_file(tmp_path, name):
+    text, line = WRONG_DRIVERS[name]
+    path, motion = tmp_path / "orientd.toml", tmp_path / "turn.yaml"
+    path.write_text(text)
+    motion.write_text("keyframes: [{rotation_vector: [0, 0, 1]}]")
+    done = inside("plan", "--config", path, motion)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"orientd: {path}: {line}\n"
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -103,3 +178,9 @@ def test_a_wrong_configuration_is_refused_with_its_key_and_value(tmp_path, name)
     done = inside("run", "--config", path)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == f"orientd: {path}: {line}\n"
+
+
+def test_a_configuration_may_begin_with_a_byte_order_mark(tmp_path):
+    path = tmp_path / "orientd.toml"
+    path.write_text(DEVICE, encoding="utf-8-sig")
+    assert list(load(path).devices) == ["arm"]

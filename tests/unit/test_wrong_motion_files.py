@@ -62,6 +62,58 @@ WRONG = {
         "  - {time: 2.5, rotation_vector: [0, 0, 2]}\n",
         "keyframes[2].time: must be later than keyframes[1] at 2000 s, got 2.5 s",
     ),
+    "a component that is left out": (
+        REST + "  - {quaternion: {w: 1, x: 0, y: 0}}\n",
+        "keyframes[1].quaternion.z: missing; add this key",
+    ),
+    "a number that is none": (
+        REST + "  - {rotation_vector: [0, 0, .nan]}\n",
+        "keyframes[1].rotation_vector[2]: expected a finite number, got nan; "
+        "give a number such as 1.5",
+    ),
+    "a limit of zero": (
+        TURN + "limits: {velocity: 0}\n",
+        "limits.velocity: expected a number greater than 0, got 0; "
+        "give such a limit, or leave it out",
+    ),
+    "half a turn": (
+        REST + "  - {rotation_vector: [0, 0, 1], turns: 1.5}\n",
+        "keyframes[1].turns: expected a whole number, got 1.5; give a number such as 2",
+    ),
+    "two forms at once": (
+        REST + "  - {rotation_vector: [0, 0, 1], direction: [1, 0, 0]}\n",
+        "keyframes[1]: expected one of quaternion, rotation_vector, euler, matrix, direction, "
+        "azimuth_elevation, look_at; got rotation_vector and direction; keep one",
+    ),
+    "a mirror": (
+        REST + "  - {matrix: [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}\n",
+        "keyframes[1].matrix: must be a rotation, got a reflection (determinant -1); "
+        "give orthonormal rows, or another form",
+    ),
+    "mixed axes": (
+        REST + "  - {euler: {axes: xYz, degrees: [1, 2, 3]}}\n",
+        "keyframes[1].euler.axes: must be one to three of the letters xyz (about fixed axes) or "
+        "XYZ (about axes that turn with the body), no two neighbours the same, got 'xYz'; "
+        "give for example xyz",
+    ),
+    "the full angle of a cone": (
+        TURN + "keep_out: [{name: s, half_angle_deg: 300, direction: [1, 0, 0]}]\n",
+        "keep_out[0].half_angle_deg: expected above 0, at most 90, got 300; "
+        "give half of the angle, in degrees",
+    ),
+    "a switch that is a number": (
+        TURN + "approach: 1\n",
+        "approach: expected true or false, got 1; write one of the two",
+    ),
+    "a bracket that is left open": (
+        REST + "  - {rotation_vector: [0, 0, 1]\n",
+        "line 4: not YAML: did not find expected ',' or '}'; "
+        "put commas between entries, and close the brackets",
+    ),
+    "a key twice": (
+        REST + "  - {rotation_vector: [0, 0, 1], rotation_vector: [0, 0, 2]}\n",
+        "keyframes[1].rotation_vector: the key is given twice, again on line 3; keep one",
+    ),
     "tabs": ("keyframes:\n\t- {}\n", "line 2: not YAML: a tab; YAML is indented with spaces"),
 }
 PLANNED = {

@@ -85,9 +85,9 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
     Raises:
         ConfigError: the driver is not installed or refuses its options.
     """
-    from orientd.driver import driver_target, make_driver, python_command, python_version
+    from orientd.driver import driver_target, python_command, python_version
 
-    make_driver(device.name, device.driver, device.options, device.period_ns)
+    device.make_driver()
     found: list[Finding] = []
     if device.python:
         try:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 _NAMED = 10
 """Most bad lines that are reported."""
 
+_EXAMPLE = 'write lines such as {"rotation_vector": [0, 0, 0.3]}'
+
 _LOOK = 0.1
 """Interval between two checks whether tracking has ended, while no line arrives, s."""
 
@@ -145,9 +147,11 @@ class _Lines:
         try:
             mapping = json.loads(line, parse_constant=_refuse_constant)
         except json.JSONDecodeError as error:
-            raise ValueError(f"expected a JSON object: {error.msg}, column {error.colno}") from None
+            problem = f"expected a JSON object: {error.msg}, column {error.colno}; {_EXAMPLE}"
+            raise ValueError(problem) from None
         if not isinstance(mapping, dict):
-            raise ValueError(f"expected a JSON object, got {one_line(repr(mapping), 60)}")
+            came = one_line(repr(mapping), 60)
+            raise ValueError(f"expected a JSON object, got {came}; {_EXAMPLE}")
         for key, call in (("point", tracking.look_at), ("base", tracking.base)):
             if key in mapping:
                 place = mapping.pop(key)
@@ -172,8 +176,8 @@ def _check_keys(mapping: Mapping[str, object], call: Callable[..., None]) -> Non
     ]
     for key in mapping:
         if key not in known:
-            raise ValueError(unknown_key(key, known))
+            raise ValueError(f"{key}: {unknown_key(key, known)}")
 
 
 def _refuse_constant(name: str) -> float:
-    raise ValueError(f"expected finite numbers, got {name}")
+    raise ValueError(f"expected finite numbers, got {name}; leave out this target")

@@ -29,7 +29,7 @@ from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.pool import Planners
 from orientd.daemon.planners.task import PlanCall
 from orientd.daemon.workers import DeviceWorkers, LoopErrors
-from orientd.driver import Explaining, Vector3, make_driver
+from orientd.driver import Explaining, Vector3
 from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
 from orientd.planner import Limits
 from orientd.protocol import control_pb2 as pb
@@ -127,7 +127,7 @@ class Device:
         self.is_free = self._was_following = False
         self.last_ended: QueuedMotion | None = None
         self.workers = DeviceWorkers(self.name)
-        driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
+        driver = settings.make_driver()
         self._axes = DeviceAxes(driver, self.name)
         self._leases, self._cycle_memory = leases, cycle_memory
         self._on_event, self._stops = on_event, stops

@@ -41,10 +41,14 @@ def written(tmp_path):
             + "duration: 2\n",
             "{}: duration: the planner then chooses the times; leave out those of the keyframes",
         ),
-        (TWO + "start_velocity: 1\n", "{}: start_velocity: expected three numbers, got 1"),
+        (
+            TWO + "start_velocity: 1\n",
+            "{}: start_velocity: expected three numbers, got 1; write them as [x, y, z]",
+        ),
         (
             TWO.replace("[0, 0, 1]", "[0, 1]"),
-            "{}: keyframes[1].rotation_vector: expected 3 entries, got 2: [0, 1]",
+            "{}: keyframes[1].rotation_vector: expected 3 entries, got 2: [0, 1]; "
+            "give 3, with decimal points",
         ),
     ],
     ids=["tab", "duration", "velocity", "vector"],

@@ -140,6 +140,28 @@ WRONG = {
         "line 1 is '1 0 0 0 0 1 0 0 0 0 1 0'; expected timestamp tx ty tz qx qy qz qw in each line "
         "(a table with named columns ends in .csv)",
     ),
+    "a Parquet file": (
+        "a.parquet",
+        lambda path: path.write_bytes(b"PAR1" + bytes(99)),
+        f"not an MCAP file; {KINDS}; it is a Parquet file; export its quaternions as .csv",
+    ),
+    "seconds called nanoseconds": (
+        "a.csv",
+        lambda path: table(path, rows(), "time_ns,qw,qx,qy,qz"),
+        "the column 'time_ns' is in ns, and rows are 0.01 ns apart; call it 'time_s' if it holds "
+        "seconds",
+    ),
+    "half a turn from each row to the next": (
+        "a.csv",
+        lambda path: table(path, [f"{k / 50},{k % 2},0,0,{1 - k % 2}" for k in range(200)]),
+        "a fit needs at least 8 samples, got 7 on one smooth motion of 200; check the columns of "
+        "the quaternions, and the unit of the times",
+    ),
+    "a table without rows": (
+        "a.csv",
+        lambda path: table(path, []),
+        "no rows below the names of the columns; add them",
+    ),
     "a bag without its part": (
         "a",
         bag,
