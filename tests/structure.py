@@ -11,6 +11,7 @@ import sys
 import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import grimp
@@ -63,6 +64,7 @@ def is_generated(module: str) -> bool:
     return module.endswith(GENERATED)
 
 
+@cache
 def source(module: str) -> Path:
     """Return the file of a module, or of a package's front."""
     base = ROOT / PACKAGES[module.partition(".")[0]] / module.replace(".", "/")
@@ -70,6 +72,7 @@ def source(module: str) -> Path:
     return front if front.exists() else base.with_suffix(".py")
 
 
+@cache
 def is_room(module: str) -> bool:
     return source(module).name == "__init__.py"
 
@@ -117,11 +120,12 @@ def large(graph: Graph) -> Iterator[str]:
             yield f"{name} has {count} modules, at most {MOST_MODULES}"
 
 
-def open_modules(front: str) -> set[str]:
+@cache
+def open_modules(front: str) -> frozenset[str]:
     """Return the modules that a front lists in its docstring: others import from them."""
     text = ast.get_docstring(ast.parse(source(front).read_text(encoding="utf-8"))) or ""
     named = (f"{front}.{name}" for name in re.findall(r"``([\w.]+)``", text))
-    return {one for one in named if source(one).exists()}
+    return frozenset(one for one in named if source(one).exists())
 
 
 def past_fronts(graph: Graph) -> Iterator[str]:
@@ -150,17 +154,17 @@ def behind_fronts() -> Iterator[tuple[str, str]]:
     The inside is a module behind a front, or a member whose name begins with an underscore.
     """
     for path in sorted((ROOT / "tests").rglob("*.py")):
-        parts = path.relative_to(ROOT / "tests").parts
+        name = path.relative_to(ROOT)
+        parts = name.parts[1:]
         folder = "/".join(parts[: min(2, len(parts) - 1)])
         own = TESTED.get(folder, f"orientd.{parts[1]}" if parts[0] == "unit" else "")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            place = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
             if isinstance(node, ast.Import | ast.ImportFrom):
                 for module in sorted(filter(_is_behind, set(_modules(node)))):
                     if not (own and is_inside(module, own)):
-                        yield folder, f"{place} imports {module}"
+                        yield folder, f"{name}:{node.lineno} imports {module}"
             elif isinstance(node, ast.Attribute) and _is_private(node) and not is_package(own):
-                yield folder, f"{place} uses {ast.unparse(node)}"
+                yield folder, f"{name}:{node.lineno} uses {ast.unparse(node)}"
 
 
 def is_package(name: str) -> bool:
