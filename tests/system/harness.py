@@ -34,6 +34,9 @@ from orientd_loopback import read_recording
 DEVICE = "arm"
 VELOCITY, ACCELERATION, JERK = 2.5, 17.0, 8500.0
 
+REST = 3
+"""Setpoints at one place that are rest."""
+
 DEVICE_PRIORITY = 70
 """SCHED_FIFO priority of an emulated device."""
 
@@ -343,6 +346,19 @@ class DaemonProcess:
         is_from_rest = (gaps > SHORTEST_NS) & (speeds[1:] <= 0.5 * speeds[:-1])
         ends = [*np.flatnonzero(is_from_rest) + 1, len(q)]
         return [q[max(a - 1, 0) : b] for a, b in itertools.pairwise([0, *ends])]
+
+    def at_rest(self) -> int:
+        """Wait for rest; return how many setpoints there are, but for the last ones, at rest.
+
+        A motion is done as soon as the servo has its end, a few setpoints before rest.
+        """
+
+        def sent() -> Sequence[object]:
+            found = read_recording(self.recording)
+            places = {(one.q, one.position) for one in found[-REST:]}
+            return found if len(found) >= REST and len(places) == 1 else []
+
+        return len(until(sent, "rest")) - REST
 
     def assert_limits_kept(self, begin: int = 0) -> None:
         """Check that the setpoints from *begin* on keep the default limits."""

@@ -20,6 +20,8 @@ from harness import DEVICE, DaemonProcess, is_alive, until
 from orientd import rotation
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 MOTION = """
 keyframes:
   - {rotation_vector: [0, 0, 0]}
@@ -63,6 +65,7 @@ def slow(tmp_path):
     [(("serve", "rotctld", "--port", 0), pb.STATE_HOLDING), (("track",), pb.STATE_TRACKING)],
     ids=["accepts", "reads"],
 )
+@pytest.mark.real
 def test_ctrl_c_ends_a_command_whichever_thread_the_kernel_gives_it_to(daemon, command, state):
     process = begin(*command, "--socket", daemon.socket, stdin=subprocess.PIPE)
     if state == pb.STATE_HOLDING:
@@ -142,6 +145,7 @@ def test_a_plan_needs_no_daemon_and_fills_a_table(motion, tmp_path):
     assert largest <= peak["value"]
 
 
+@pytest.mark.real
 def test_a_plan_reads_standard_input():
     process = begin("plan", "-", stdin=subprocess.PIPE)
     output, errors = process.communicate(MOTION, timeout=60.0)
@@ -209,6 +213,7 @@ def test_a_move_tells_programs_one_object(daemon, motion):
     assert statistics["end_velocity_error"] < 1e-6
 
 
+@pytest.mark.real
 def test_a_move_on_a_terminal_is_a_live_line(daemon, slow):
     """The motion is as long as it takes until the line is there."""
     ours, theirs = pty.openpty()
@@ -404,6 +409,7 @@ def test_a_demo_that_is_killed_leaves_no_process(folder):
     assert until(lambda: not is_alive(servo), "the servo's end")
 
 
+@pytest.mark.real
 def test_the_doctor_measures_and_says_how_to_mend():
     done = orientd("doctor", "--json")
     found = json.loads(done.stdout)
@@ -417,6 +423,7 @@ def test_the_doctor_measures_and_says_how_to_mend():
     assert sum(found["counts"].values()) == len(names)
 
 
+@pytest.mark.real
 def test_the_doctor_that_finds_a_problem_ends_with_1(tmp_path):
     pytest.importorskip("rtde_control")
     text = '[devices.arm]\ndriver = "ur"\n[devices.arm.options]\nhost = "127.0.0.253"\n'

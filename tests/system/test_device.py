@@ -16,6 +16,8 @@ from orientd.errors import GOING_DOWN, DaemonError, Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream.records import ServoState
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture
 def events():

@@ -24,6 +24,8 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol.motion import to_request
 from orientd.recorder.reader import load_recording
 
+pytestmark = pytest.mark.world
+
 RANDOM = random.Random(7)
 MOMENTS = [
     pytest.param(round(RANDOM.uniform(0.02, 3.2), 3), marks=() if k < 3 else pytest.mark.slow)
@@ -69,7 +71,6 @@ def moving_part(sent):
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.world
 def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, moment):
     with DaemonProcess(tmp_path, patience=None) as daemon:
         request = spin(3.0)
@@ -162,7 +163,6 @@ def _shifted(motion, begin):
     return Rest
 
 
-@pytest.mark.world
 def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
     with DaemonProcess(tmp_path, patience=None) as daemon:
         stream = daemon.move(spin(12.0))
@@ -189,7 +189,6 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
         assert last.summary.outcome == pb.OUTCOME_DONE
 
 
-@pytest.mark.world
 def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
     """SIGSTOP: the daemon is there but does nothing; when it goes on, it tells the fault."""
     with DaemonProcess(tmp_path, patience=None) as daemon:

@@ -12,6 +12,8 @@ import orientd as package
 from orientd.errors import LeaseError
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 LEG = "leg"
 TURN = [{"rotation_vector": [0.0, 0.0, 0.1]}]
 LONG = [

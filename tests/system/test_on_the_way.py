@@ -37,12 +37,7 @@ class Daemon:
     def __init__(self, process):
         self.socket, self.period = process.socket, process.period
         self._process = process
-        self._before = until(self._at_rest, "rest") - 3
-
-    def _at_rest(self):
-        """Return how much was sent, once the last of it is rest."""
-        sent = self._process.sent()
-        return len(sent) if len(sent) > 3 and (sent[-3:] == sent[-1]).all() else 0
+        self._before = process.at_rest()
 
     def sent(self):
         return self._process.sent()[self._before :]

@@ -13,6 +13,8 @@ from orientd import rotation
 from orientd.planner import NOT_BLENDED
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 PLACES = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.1, 0.0)]
 
 
@@ -37,7 +39,7 @@ class Sent:
 
     def __init__(self, process):
         self._process = process
-        self._before = max(0, len(read_recording(process.recording)) - 3)
+        self._before = process.at_rest()
 
     def poses(self):
         setpoints = read_recording(self._process.recording)[self._before :]

@@ -101,7 +101,6 @@ def emulated_base(*options):
     return orientd("sim", "base", *options)
 
 
-@pytest.mark.real
 def test_an_emulated_base_can_be_piped_into_track(process):
     printed = emulated_base("--kind", "vehicle", "--rate", 50, "--seconds", 1, "--seed", 2)
     samples = printed.stdout.splitlines()

@@ -19,6 +19,8 @@ from orientd.protocol import control_pb2 as pb
 from orientd.recorder.planned import planned_orientations
 from orientd.recorder.reader import load_recording
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture
 def daemon(tmp_path):
@@ -163,6 +165,7 @@ def test_planned_values_are_those_of_the_plan(daemon, tmp_path):
     assert float(rotation.angle(planned[rows], own).max()) < 1e-9
 
 
+@pytest.mark.real
 def test_a_full_disk_ends_the_recording_and_not_the_motion(daemon, tmp_path):
     def limited():
         resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))

@@ -309,7 +309,6 @@ def test_a_disabled_device_does_not_move(robot):
         robot.enable()
 
 
-@pytest.mark.real
 def test_a_call_for_anything_else_is_refused(daemon):
     with pytest.raises(grpc.RpcError) as caught:
         daemon.stub.Move(pb.MoveRequest(lease_token="", device=DEVICE)).next()
@@ -348,7 +347,6 @@ def test_more_than_a_message_holds_is_refused_in_one_line(daemon):
         robot._connection.call(robot._stub.Plan, request)
 
 
-@pytest.mark.real
 def test_looks_are_answered_while_a_motion_is_planned(daemon, robot):
     """Planning holds up neither looks nor the renewal of the lease."""
     rng = np.random.default_rng(1)
@@ -373,7 +371,6 @@ def test_looks_are_answered_while_a_motion_is_planned(daemon, robot):
     assert answers
 
 
-@pytest.mark.real
 def test_no_daemon_is_said_clearly(tmp_path):
     path = tmp_path / "control.sock"
     with pytest.raises(DaemonError) as caught:
@@ -381,7 +378,6 @@ def test_no_daemon_is_said_clearly(tmp_path):
     assert str(caught.value) == f"no daemon answers at {path}; start one with `orientd run`"
 
 
-@pytest.mark.real
 def test_a_daemon_that_goes_away_is_said_clearly(tmp_path):
     with DaemonProcess(tmp_path / "daemon") as process:
         process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))

@@ -21,6 +21,8 @@ from orientd.first_stop import stop_folder
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import word
 
+pytestmark = pytest.mark.world
+
 STRANGER = 54304
 
 
@@ -94,6 +96,7 @@ def test_a_daemon_that_takes_no_more_connections_is_stopped(daemon):
     ended(daemon)
 
 
+@pytest.mark.real
 def test_a_flood_of_nonsense_keeps_nobody_from_stopping(daemon):
     moving(daemon)
     program = (
@@ -133,6 +136,7 @@ def test_every_stop_is_written_down(daemon):
         until(counted, "the stops in the audit log")
 
 
+@pytest.mark.real
 def test_who_is_not_admitted_is_told_so(daemon):
     if os.getuid():
         pytest.skip("becomes another user, which root may")

@@ -67,6 +67,8 @@ class Program(Process):
                     pipe.end()
                 else:
                     setattr(self, name, ours(pipe, is_text=bool(text)))
+                    if world.present() is not None:
+                        world.present().at_end(getattr(self, name).close)
             elif given == subprocess.STDOUT:
                 own[name] = own["stdout"]
             else:
@@ -101,10 +103,11 @@ class Program(Process):
             present = getattr(owner, name)
             setattr(owner, name, self._own[place])
             self._own[place] = present
-        present = _REAL["getcwd"]()
-        if present != self._directory:
-            _REAL["chdir"](self._directory)
-            self._directory = present
+        with contextlib.suppress(FileNotFoundError):  # its directory may be gone by now
+            present = _REAL["getcwd"]()
+            if present != self._directory:
+                _REAL["chdir"](self._directory)
+                self._directory = present
 
     def _run(self):
         try:

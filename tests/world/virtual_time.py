@@ -43,11 +43,12 @@ class Task:
         self.is_over = False
         self.joining = []
         self.signals = deque()
+        self.ident = id(self)
 
     def _run(self, _woken):
         try:
             self._work()
-        except Exception:  # noqa: BLE001 - whatever it is, the test fails by it
+        except BaseException:  # noqa: BLE001 - whatever it is, the test fails by it
             self.scheduler.problems.append(f"{self.name}: {traceback.format_exc()}")
         self.is_over = True
         for other in self.joining:

@@ -7,7 +7,6 @@ same functions run with real processes and sockets.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import functools
 import logging
@@ -17,7 +16,7 @@ import threading
 from unittest import mock
 
 import harness
-from _pytest.runner import runtestprotocol
+from _pytest.runner import CallInfo, runtestprotocol
 from arms import of_robots
 from channel import Channel, VirtualListener
 from planners import of_planners
@@ -25,12 +24,14 @@ from processes import World, of_servos, written
 from programs import of_programs
 from serial_lines import of_serial_lines
 from stop_sockets import of_stop_sockets
-from virtual_time import Scheduler, VirtualLoop, VirtualThread, virtual_time
+from virtual_time import Scheduler, VirtualThread, virtual_time
 
 from orientd.client.channel import Way
 from orientd.daemon import server
 from orientd.daemon.access.identity import look_up
 from orientd.daemon.observe import flight_recorder
+
+_KILL = os.kill
 
 STEP_NS = 50_000_000
 LONGEST_NS = 200_000_000_000
@@ -91,18 +92,9 @@ class Machine(harness.Machine):
     def kill(self, pid, number):
         process = self._world.process(pid)
         if process is None:
-            super().kill(pid, number)
+            _KILL(pid, number)
         else:
             process.send_signal(number)
-
-
-def _run(scheduler, work):
-    """Run a coroutine in a loop of this task, as ``asyncio.run``."""
-    loop = VirtualLoop(scheduler)
-    try:
-        return loop.run_until_complete(work)
-    finally:
-        loop.close()
 
 
 @contextlib.contextmanager
@@ -116,7 +108,6 @@ def running(world):
         (os, "urandom", scheduler.random.randbytes),
         (secrets, "token_hex", lambda count: scheduler.random.randbytes(count).hex()),
         (threading, "Timer", _ThreadTimer),
-        (asyncio, "run", functools.partial(_run, scheduler)),
         (Way, "open", lambda way: Channel(world, way.socket)),
         (flight_recorder.FlightRecorder, "_made", written),
         (_Timer, "scheduler", scheduler),
@@ -162,4 +153,16 @@ class VirtualRunner:
         if nextitem is None:
             self._world = None
         if scheduler.problems:
-            raise AssertionError("\n".join(scheduler.problems))
+            report_problems(item, scheduler.problems)
+
+
+def report_problems(item, problems):
+    """Report what tasks ended by as an error of the test."""
+
+    def fail():
+        raise AssertionError("\n".join(problems))
+
+    call = CallInfo.from_call(fail, "teardown")
+    report = item.ihook.pytest_runtest_makereport(item=item, call=call)
+    item.ihook.pytest_runtest_logreport(report=report)
+    problems.clear()
