@@ -15,20 +15,14 @@ demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
 # Tests of real processes mostly wait, so several files of them run at once.  Tests that only calculate
-# run next to them at a low priority, and report at the end.  Tests of serial lines run afterwards: while
-# all processors are busy, the kernel passes on the bytes of a terminal up to half a second late.
-# A machine that stands still for some seconds can fail a test of real processes.  So each failed test is
-# repeated once, alone.  If it passes then, the summary counts it as flaky.  `make night` runs longer tests.
+# run next to them at a low priority, with those of whole systems in virtual time, and report at the end.
+# Tests of terminals run afterwards: while all processors are busy, the kernel passes on the bytes of a
+# terminal up to half a second late.  `make night` runs longer tests.
 CALCULATES = tests/unit tests/emulated tests/world tests/docs orientd adapters drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 LINES = tests/drivers/dynamixel $(sort $(wildcard tests/system/test_gimbal*.py))
 AT_ONCE ?= 3
-
-# Repeats the failed tests.  Files that cannot be collected are not repeated.
-AGAIN = --last-failed --last-failed-no-failures none -rfE
-
-# A cache of its own: the failures of one half must not hide those of the other.
-CALCULATE = $(BIN)/python -m pytest -o cache_dir=build/calculates $(CALCULATES)
+PYTEST = $(BIN)/python -m pytest --dist loadfile
 
 test: check
 	@$(MAKE) --no-print-directory --keep-going --jobs=2 runs calculates; status=$$?; \
@@ -36,21 +30,16 @@ test: check
 	    $(MAKE) --no-print-directory lines && exit $$status
 
 runs: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(AT_ONCE) --dist loadfile $(RUNS) $(LINES:%=--ignore=%) || { \
-	    echo "Repeating the failed tests:"; \
-	    $(BIN)/python -m pytest $(RUNS) $(LINES:%=--ignore=%) $(AGAIN); }
+	@$(PYTEST) --processes only -n $(AT_ONCE) $(RUNS) $(LINES:%=--ignore=%)
 
-# A cache of its own, as for those that only calculate.
-LINE = $(BIN)/python -m pytest -o cache_dir=build/lines $(LINES)
-
-lines: $(VENV)/.dev
-	@$(LINE) -n 2 --dist loadfile || { echo "Repeating the failed tests:"; $(LINE) $(AGAIN); }
-
+# A cache of its own: two runs at once write theirs.
 calculates: $(VENV)/.dev
 	@mkdir -p build
-	@nice -n 15 $(CALCULATE) -n logical > build/calculates.txt 2>&1 || { \
-	    echo "Repeating the failed tests:"; \
-	    nice -n 5 $(CALCULATE) $(AGAIN); } >> build/calculates.txt 2>&1
+	@nice -n 15 $(PYTEST) --processes none -n logical -o cache_dir=build/calculates $(CALCULATES) $(RUNS) \
+	    > build/calculates.txt 2>&1
+
+lines: $(VENV)/.dev
+	@$(PYTEST) --processes only -n 2 $(LINES)
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -56,6 +56,9 @@ for folder in (
 
 WORLD = pytest.StashKey()
 
+OF_SYSTEMS = {("tests", name) for name in ("system", "drivers", "chaos", "storm", "bench")}
+"""Folders of tests of whole systems."""
+
 # Whatever a test starts inherits this, so that what is left of a run is known by it.
 os.environ.setdefault("TEST_RUN_OF_ORIENTD", str(os.getpid()))
 
@@ -72,18 +75,15 @@ def left_running():
     return found
 
 
-def pytest_terminal_summary(terminalreporter, config):
-    """Count the tests that failed in the run before and pass now."""
-    flaky = terminalreporter.getreports("passed") if config.getoption("lf", False) else ()
-    if flaky:
-        terminalreporter.section(f"{len(flaky)} flaky: failed at first, passed alone")
-        for report in flaky:
-            terminalreporter.line(report.nodeid)
-
-
 def pytest_addoption(parser):
     """Add the options of the world."""
     parser.addoption("--real", action="store_true", help="run the world's tests as processes")
+    parser.addoption(
+        "--processes",
+        choices=("with", "only", "none"),
+        default="with",
+        help="of the tests of whole systems, run those of processes, or those in virtual time",
+    )
     parser.addoption("--seed", default="1", help="seed of the world")
 
 
@@ -94,8 +94,19 @@ def is_virtual(item):
     return bool(item.get_closest_marker("world")) and not item.get_closest_marker("real")
 
 
-def pytest_collection_modifyitems(items):
-    """Let the tests of a module that need real processes follow its others."""
+def has_processes(item):
+    """Return whether a test is one of processes."""
+    folder = item.path.relative_to(Path(__file__).parent.parent).parts[:2]
+    return folder in OF_SYSTEMS and not is_virtual(item)
+
+
+def pytest_collection_modifyitems(config, items):
+    """Choose tests, and let those of a module that need real processes follow its others."""
+    wanted = config.getoption("processes")
+    if wanted != "with":
+        chosen = {item for item in items if has_processes(item) == (wanted == "only")}
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = [item for item in items if item in chosen]
     places = {}
     for item in items:
         places.setdefault(item.location[0], len(places))
