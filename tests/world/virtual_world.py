@@ -19,6 +19,7 @@ import harness
 from _pytest.runner import CallInfo, runtestprotocol
 from arms import of_robots
 from channel import Channel, VirtualListener
+from judge import of_judges
 from planners import of_planners
 from processes import World, of_servos, written
 from programs import of_programs
@@ -119,6 +120,7 @@ def running(world):
         *of_programs(world),
         *of_serial_lines(world.lines),
         *of_robots(world.network),
+        *of_judges(scheduler),
     ]
     look_up(os.geteuid()).result()  # threads of its own find the names of users
     level = logging.root.level

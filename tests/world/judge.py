@@ -1,0 +1,249 @@
+"""The one judge of setpoints: it differentiates them backwards, from first principles.
+
+It shares no code with the guard or the planner.  In the world it sits between each servo and its
+driver, so that a test fails whose servo breaks one of these rules, whatever the test is about:
+
+* tool and axes keep the limits of the device, and the axes their ranges;
+* orientation, position and axes are continuous, from rest to rest;
+* a device with a fault comes to rest, and then stays there until it is enabled again;
+* a device that is let go is at rest.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from types import SimpleNamespace
+
+import processes
+
+from orientd.errors import DeviceError
+from orientd.mechanism import Mechanical
+from orientd.servo import process as servo_process
+
+TOLERANCE = 1.001
+GAP_NS = 50_000_000
+"""A device that is sent nothing for longer than this, and three cycles, has come to rest."""
+
+ROUNDING, AXIS_ROUNDING = 1e-14, 1e-11
+"""Rounding of a difference of orientations, and of angles of many turns, rad."""
+
+AT_REST = 1e-6
+"""Velocity of a device at rest, rad/s or m/s."""
+
+LONGEST_STOP_NS = 1_000_000_000
+"""Longest time from a fault to rest."""
+
+RATES = ("velocity", "acceleration", "jerk")
+
+
+class Judge:
+    """Look at each setpoint of one device.
+
+    Args:
+        limits: largest rates by name: ``velocity``, ``acceleration``, ``jerk`` of the tool in rad
+            and s, ``linear_velocity``, ``linear_acceleration``, ``linear_jerk`` of its position in
+            m and s; those that are missing are not limited.
+        period: of the setpoints, s.
+        violate: is called with each violation in words.
+
+    Attributes:
+        axes: limits of the axes, as ``orientd.driver.AxisLimits``.
+        peaks: largest rates so far, as shares of *limits*.
+        count: of setpoints.
+    """
+
+    def __init__(self, limits, period, violate):
+        self.limits, self.period, self.violate, self.axes = limits, period, violate, ()
+        self.peaks, self.count = dict.fromkeys(limits, 0.0), 0
+        self._gap_ns = max(GAP_NS, round(3e9 * period))
+        self._at, self._led_ns, self._rest_by_ns = None, 0, None
+        self.stand()
+
+    def stand(self):
+        """Expect the device to be at rest."""
+        self._turns = self._moves = ((0.0,) * 3,) * 2
+        self._joints, self._joint_rates = (), None
+
+    def anchor(self, q=None, position=None):
+        """Expect the next setpoint next to a pose, or anywhere, from rest; a fault is over."""
+        self.stand()
+        self._at, self._rest_by_ns = None if q is None else (q, position), None
+
+    def fail(self, now_ns):
+        """Expect that the device comes to rest and stays there: it has a fault."""
+        if self._rest_by_ns is None:
+            self._rest_by_ns = now_ns + LONGEST_STOP_NS
+
+    def is_led(self, now_ns):
+        """Return whether a setpoint has come lately."""
+        return now_ns - self._led_ns <= self._gap_ns
+
+    def is_moving(self, now_ns):
+        """Return whether the setpoints move the device."""
+        speeds = (*self._turns[0], *self._moves[0])
+        return self.is_led(now_ns) and any(abs(speed) > AT_REST for speed in speeds)
+
+    def let_go(self, now_ns):
+        """Look whether a device that is let go is at rest."""
+        if self.is_moving(now_ns) and self._rest_by_ns is None:
+            self.violate(f"let go at {math.hypot(*self._turns[0]):.3g} rad/s")
+        self.stand()
+
+    def take(self, now_ns, q, position=(0.0, 0.0, 0.0), joints=()):
+        """Look at a setpoint."""
+        if not self.is_led(now_ns):
+            self.stand()
+        self._led_ns, self.count = now_ns, self.count + 1
+        before, self._at = self._at or (q, position), (q, position)
+        move = tuple(b - a for a, b in zip(before[1], position, strict=True))
+        self._turns = self._look("", turn(before[0], q), self._turns, ROUNDING)
+        self._moves = self._look("linear_", move, self._moves, ROUNDING)
+        self._look_at_axes(joints)
+        if self._rest_by_ns is not None:
+            if not self.is_moving(now_ns):
+                self._rest_by_ns = 0
+            elif now_ns > self._rest_by_ns:
+                self.violate(f"moves after a fault at {math.hypot(*self._turns[0]):.3g} rad/s")
+
+    def _look(self, kind, step, before, rounding):
+        """Differentiate a step, and compare each rate with its limit; return the rates."""
+        rates, rounding = [tuple(x / self.period for x in step)], rounding / self.period
+        for rate in before:
+            rates.append(_rate(rate, rates[-1], self.period))
+        for name, rate in zip(RATES, rates, strict=True):
+            limit = self.limits.get(kind + name, math.inf)
+            size = math.hypot(*rate)
+            if not size <= TOLERANCE * limit + rounding:
+                self.violate(f"{kind}{name} {size:.6g}, at most {limit:g}")
+            if limit < math.inf:
+                share = (size - rounding) / limit
+                self.peaks[kind + name] = max(self.peaks[kind + name], share)
+            rounding /= self.period
+        return rates[0], rates[1]
+
+    def _look_at_axes(self, joints):
+        before, self._joints = self._joints, joints
+        if not joints or not self.axes or len(before) != len(joints):
+            self._joint_rates = None
+            return
+        known = self._joint_rates or [(0.0, 0.0)] * len(joints)
+        found = []
+        for axis, was, at, (speed, change) in zip(self.axes, before, joints, known, strict=True):
+            rates = [(at - was) / self.period]
+            rates.append((rates[0] - speed) / self.period)
+            rates.append((rates[1] - change) / self.period)
+            rounding = AXIS_ROUNDING
+            for name, rate in zip(RATES, rates, strict=True):
+                rounding /= self.period
+                if not abs(rate) <= TOLERANCE * getattr(axis, name) + rounding:
+                    limit = getattr(axis, name)
+                    self.violate(f"{name} of {axis.name} {rate:.6g}, at most {limit:g}")
+            if not axis.low - axis.resolution <= at <= axis.high + axis.resolution:
+                self.violate(f"{axis.name} at {at:.6g}, within {axis.low:g} and {axis.high:g}")
+            found.append((rates[0], rates[1]))
+        self._joint_rates = found
+
+
+def _rate(before, after, period):
+    return tuple((b - a) / period for a, b in zip(before, after, strict=True))
+
+
+def turn(p, q):
+    """Return the rotation vector from *p* to *q*, of either sign, in the frame of *p*."""
+    w, x, y, z = p
+    a, b, c, d = q
+    scalar = w * a + x * b + y * c + z * d
+    vector = (
+        w * b - x * a - y * d + z * c,
+        w * c - y * a - z * b + x * d,
+        w * d - z * a - x * c + y * b,
+    )
+    if scalar < 0.0:
+        scalar, vector = -scalar, tuple(-v for v in vector)
+    sine = math.hypot(*vector)
+    share = 2.0 * math.atan2(sine, scalar) / sine if sine > 0.0 else 2.0
+    return tuple(share * v for v in vector)
+
+
+def judged(setpoints, limits, period):
+    """Return the violations of recorded setpoints, and the judge that found them.
+
+    Args:
+        setpoints: of a driver, as ``orientd.driver.Setpoint``, in their order.
+        limits: as for :class:`Judge`.
+        period: of the setpoints, s.
+    """
+    found = []
+    judge = Judge(limits, period, found.append)
+    for setpoint in setpoints:
+        judge.take(setpoint.time_ns, setpoint.q, setpoint.position, setpoint.joints)
+    return found, judge
+
+
+class _Judged:
+    """A driver whose setpoints are looked at."""
+
+    judge = None
+
+    def enable(self):
+        feedback = super().enable()
+        self.judge.anchor()
+        if isinstance(self, Mechanical):
+            mechanism = self.mechanism(may_ask=False)
+            self.judge.axes = () if mechanism is None else mechanism.axes
+        return feedback
+
+    def read(self):
+        try:
+            return super().read()
+        except DeviceError:
+            self.judge.fail(time.monotonic_ns())
+            raise
+
+    def write(self, setpoint):
+        self.judge.take(time.monotonic_ns(), setpoint.q, setpoint.position, setpoint.joints)
+        try:
+            super().write(setpoint)
+        except DeviceError:
+            self.judge.fail(time.monotonic_ns())
+            raise
+
+    def disable(self):
+        self.judge.let_go(time.monotonic_ns())
+        super().disable()
+
+
+def of_judges(scheduler):
+    """Return what puts a judge before each driver: owners, names and values to replace."""
+    limits, devices = {}, {}
+    begin, run, resolve = processes.Servo._begin, servo_process.run, servo_process.pkgutil
+
+    def begin_judged(servo, settings, descriptor):
+        given = servo._settings.limits.to_limits()
+        limits[settings.device] = {
+            name: value
+            for rate in RATES
+            for name in (rate, f"linear_{rate}")
+            if (value := getattr(given, name, None)) is not None
+        }
+        return begin(servo, settings, descriptor)
+
+    def run_judged(descriptor, settings):
+        devices[scheduler.current().group] = settings
+        return run(descriptor, settings)
+
+    def resolve_judged(name):
+        settings, kind = devices[scheduler.current().group], resolve.resolve_name(name)
+
+        def violate(problem):
+            scheduler.problems.append(f"{settings.device}: {problem}")
+
+        judge = Judge(limits[settings.device], settings.period_ns * 1e-9, violate)
+        return type(kind.__name__, (_Judged, kind), {"judge": judge})
+
+    return [
+        (processes.Servo, "_begin", begin_judged),
+        (servo_process, "run", run_judged),
+        (servo_process, "pkgutil", SimpleNamespace(resolve_name=resolve_judged)),
+    ]
