@@ -11,7 +11,7 @@ import time
 import numpy as np
 from command_line import begin, environment
 from gimbal_bench import PATIENT, ROOT, ExampleDaemon
-from harness import is_alive, peaks_within, run_first, until
+from harness import assert_limits_kept, is_alive, run_first, until
 from stage import ATTEMPTS, LONGEST, STARVED, Calls, longest_wait, waiting
 
 import orientd
@@ -21,6 +21,10 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import word
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream.records import CycleFlag
+
+
+def _limits(jerk):
+    return {"velocity": 1.5, "acceleration": 8.0, "jerk": jerk}
 
 
 class DeviceStage:
@@ -33,7 +37,7 @@ class DeviceStage:
         if name == "ur":
             address = f"127.{1 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.7"
             self.words = ("ur", "--host", address)
-            self.device, self.limits, self.rate_hz = "arm", (1.5, 8.0, 400.0), 500.0
+            self.device, self.limits, self.rate_hz = "arm", _limits(400.0), 500.0
             example = "ur"
             changes = (
                 ("127.0.0.2", address), ("feedback_timeout = 0.1 ", "feedback_timeout = 0.5 "),
@@ -41,7 +45,7 @@ class DeviceStage:
         else:
             port = folder / "gimbal"
             self.words = ("dynamixel", "--link", str(port))
-            self.device, self.limits, self.rate_hz = "gimbal", (1.5, 8.0, 1500.0), 100.0
+            self.device, self.limits, self.rate_hz = "gimbal", _limits(1500.0), 100.0
             example = "gimbal"
             changes = (('/tmp/gimbal"', f'{port}"'), *PATIENT)
         self.motion = motion_file.load(ROOT / "config" / f"{example}-turn.yaml")
@@ -148,8 +152,7 @@ class DeviceStage:
         """Check that the consecutive setpoints keep the limits."""
         for run in _runs([cycle for cycle in list(cycles) if cycle.flags & CycleFlag.WRITTEN]):
             q = np.array([cycle.q for cycle in run])
-            for found, limit in zip(peaks_within(q, 1 / self.rate_hz), self.limits, strict=True):
-                assert found <= 1.001 * limit, (found, limit)
+            assert_limits_kept(q, 1 / self.rate_hz, self.limits, is_moving=True)
 
     def recover(self):
         """Recover the device as a user would, and check that it moves again."""

@@ -103,7 +103,7 @@ def test_motion_goes_on_from_rest_when_a_stopped_servo_process_goes_on(stage):
         hold_up(stage.servo, 0.25)
         *_, last = moving
         assert last.summary.outcome == pb.OUTCOME_DONE
-        assert len(stage.daemon.stretches()) == 2
+        assert stage.daemon.judged()[1].rests == 1
         stage.settle(faults=("none",))
 
 

@@ -1,98 +1,35 @@
-"""An emulated device, which outlives the servo processes that drive it, and judges every setpoint.
-
-It differentiates what it is sent from first principles, in plain Python, and shares no code with
-the guard or the planner.
-"""
+"""An emulated device behind a link with faults; it outlives the servo processes that drive it."""
 
 from __future__ import annotations
 
-import math
+from judge import Judge
 
 from orientd.errors import DeviceFaultError, LinkError
 from orientd_loopback import LoopbackDriver
 
-TOLERANCE = 1.001
-
-GAP_NS = 60_000_000
-"""A device that is sent nothing for longer than this, three cycles, has come to rest."""
-
 
 class EmulatedDevice:
-    """The device behind the driver, which says of every setpoint that breaks a limit which it is.
+    """The device behind the driver; a judge looks at every setpoint.
 
     Attributes:
         q, position: where it stands.
-        fault: what is wrong at present: ``link``, ``stale``, ``fault`` or ``write``.
-        setpoints: how many were sent.
-        digest: of all of them, in order.
+        judge: of its setpoints.
+        fault: what is wrong at present: ``link``, ``stale``, ``fault``, ``write``, ``loss`` of half
+            of the feedback, or ``reset``, once.
+        delay_ns: of feedback on the link.
+        digest: of all setpoints, in order.
     """
 
-    def __init__(self, limits, period, violate):
-        self.limits, self.period = limits, period
+    def __init__(self, limits, period, violate, chance):
+        self.judge, self.chance = Judge(limits, period, violate), chance
         self.q, self.position = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        self.fault = ""
-        self.violate, self.setpoints, self.digest = violate, 0, 0
-        self.peaks = dict.fromkeys(limits, 0.0)
-        self._led_ns = 0
-        self.stand()
-
-    def stand(self):
-        """Be at rest."""
-        self._omega = self._alpha = self._velocity = (0.0, 0.0, 0.0)
-
-    def is_led(self, now_ns):
-        """Return whether a setpoint has come lately."""
-        return now_ns - self._led_ns <= GAP_NS
-
-    def is_moving(self, now_ns):
-        return self.is_led(now_ns) and any(abs(x) > 1e-9 for x in (*self._omega, *self._velocity))
+        self.fault, self.delay_ns, self.digest = "", 0, 0
 
     def follow(self, now_ns, q, position):
         """Be at a setpoint a period later."""
-        if not self.is_led(now_ns):
-            self.stand()
-        self._led_ns = now_ns
-        period = self.period
-        omega = tuple(x / period for x in turn(self.q, q))
-        alpha = _rate(self._omega, omega, period)
-        velocity = _rate(self.position, position, period)
-        found = {
-            "velocity": omega,
-            "acceleration": alpha,
-            "jerk": _rate(self._alpha, alpha, period),
-            "linear_velocity": velocity,
-            "linear_acceleration": _rate(self._velocity, velocity, period),
-        }
-        for name, vector in found.items():
-            size = math.hypot(*vector)
-            if not size <= TOLERANCE * self.limits[name]:
-                self.violate(f"{name} {size:.6g}, at most {self.limits[name]:g}")
-            self.peaks[name] = max(self.peaks[name], size / self.limits[name])
+        self.judge.take(now_ns, q, position)
         self.q, self.position = q, position
-        self._omega, self._alpha, self._velocity = omega, alpha, velocity
-        self.setpoints += 1
         self.digest = hash((self.digest, q, position))
-
-
-def _rate(before, after, period):
-    return tuple((b - a) / period for a, b in zip(before, after, strict=True))
-
-
-def turn(p, q):
-    """Return the rotation vector from *p* to *q*, of either sign, in the frame of *p*."""
-    w, x, y, z = p
-    a, b, c, d = q
-    scalar = w * a + x * b + y * c + z * d
-    vector = (
-        w * b - x * a - y * d + z * c,
-        w * c - y * a - z * b + x * d,
-        w * d - z * a - x * c + y * b,
-    )
-    if scalar < 0.0:
-        scalar, vector = -scalar, tuple(-v for v in vector)
-    sine = math.hypot(*vector)
-    share = 2.0 * math.atan2(sine, scalar) / sine if sine > 0.0 else 2.0
-    return tuple(share * v for v in vector)
 
 
 class EmulatedDriver(LoopbackDriver):
@@ -101,29 +38,53 @@ class EmulatedDriver(LoopbackDriver):
     device: EmulatedDevice = None
 
     def _reach(self):
-        if self.device.fault == "link":
+        fault = self.device.fault
+        if fault in ("link", "reset", "fault"):
+            self.device.judge.fail(self.clock.now_ns())
+        if fault == "link":
             raise LinkError("injected: the link is lost")
-        if self.device.fault == "fault":
+        if fault == "reset":
+            self.device.fault = ""
+            raise LinkError("injected: connection reset by peer")
+        if fault == "fault":
             raise DeviceFaultError("injected: the device has a fault")
 
     def open(self):
         self._reach()
         super().open()
         self._q, self._position = self.device.q, self.device.position
+        self._on_the_way = []
 
     def enable(self):
         self._reach()
-        self.device.stand()
+        self.device.judge.anchor(self.device.q, self.device.position)
         return super().enable()
 
+    def disable(self):
+        self.device.judge.let_go(self.clock.now_ns())
+        super().disable()
+
     def read(self):
+        """Return the newest feedback that the link has passed on."""
         self._reach()
+        before = self._newest
         if self.device.fault == "stale":
-            return self._newest
-        return super().read()
+            return before
+        if self.device.fault == "loss" and self.device.chance.random() < 0.5:
+            return before
+        feedback = super().read()
+        if not self.device.delay_ns:
+            self._on_the_way.clear()
+            return feedback
+        self._on_the_way.append((self.clock.now_ns() + self.device.delay_ns, feedback))
+        arrived = before
+        while self._on_the_way and self._on_the_way[0][0] <= self.clock.now_ns():
+            arrived = self._on_the_way.pop(0)[1]
+        return arrived
 
     def write(self, setpoint):
         if self.device.fault == "write":
+            self.device.judge.fail(self.clock.now_ns())
             raise LinkError("injected: a setpoint is not taken")
         self._reach()
         self.device.follow(self.clock.now_ns(), setpoint.q, setpoint.position)

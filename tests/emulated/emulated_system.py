@@ -5,10 +5,11 @@ the servo process with its loop of cycles.  Each process is a group of tasks of 
 sockets and processes between them are left out: a client calls the service itself, and the plan is
 made in place, after a time that the seed decides.  The seed also decides on faults:
 
-* link: it is lost, feedback goes stale, a setpoint is not taken, the device has a fault;
-* process: the servo or the daemon is killed, stands still or is late;
-* disk: nothing can be written any more;
-* clock: the wall clock is set.
+* link: it is lost or reset, feedback is late, lost or stale, a setpoint is not taken, the device
+  has a fault;
+* process: the servo or the daemon is killed, stands still and goes on, or is late;
+* disk: it is full, slow or read only;
+* clock: the wall clock is set, or the whole machine stands still.
 
 Meanwhile every setpoint keeps the limits, and every refusal is an error of orientd's own.  Every
 call has its answer in time.  After a stop or the loss of its client, the device comes to rest.
@@ -19,7 +20,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import os
 from collections import Counter
 from dataclasses import replace
@@ -27,6 +27,8 @@ from pathlib import Path
 from unittest import mock
 
 from emulated_device import EmulatedDevice, EmulatedDriver
+from faults import Disk
+from judge import limits_of
 from processes import Planners, Process, of_servos
 from virtual_time import BEGIN_NS, Scheduler, VirtualLoop, virtual_time
 
@@ -40,7 +42,6 @@ from orientd.daemon.observe import flight_recorder
 from orientd.errors import OrientdError
 from orientd.servo import process as servo_process
 
-RATE_HZ = 50.0
 LIMITS = {
     "velocity": 2.0,
     "acceleration": 8.0,
@@ -48,11 +49,14 @@ LIMITS = {
     "linear_velocity": 0.5,
     "linear_acceleration": 2.0,
 }
-SETTINGS = {
+SLOW_DEVICE = {
     "daemon": {"lease_seconds": 2.0},
     "recorder": {"seconds": 5.0},
-    "devices": {"arm": {"driver": "loopback", "rate_hz": RATE_HZ, "limits": LIMITS}},
+    "devices": {"arm": {"driver": "loopback", "rate_hz": 50.0, "limits": LIMITS}},
 }
+SETTINGS = {"shipped": {"devices": {"arm": {"driver": "loopback"}}}, "slow": SLOW_DEVICE}
+"""The configurations by name: what is shipped, at 500 Hz, and a device of 50 Hz."""
+
 CALM_NS = 5_000_000_000
 """Longest time for which a past fault may still have effects."""
 
@@ -89,7 +93,7 @@ class Daemon:
 
     async def _serve(self):
         system = self.system
-        settings = config.parse(SETTINGS, source="emulated")
+        settings = system.settings
         planners = Planners(settings.devices.values(), system.random)
         self.devices = Devices(
             settings, planners=planners, clock=MonotonicClock(), on_event=self._hear
@@ -116,7 +120,7 @@ class Daemon:
         system = self.system
         if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED) and system.is_calm:
             system.tell(f"{event.kind.value}: {event.text}")
-        if event.kind is EventKind.RECORDING_FAILED and not system.is_disk_full:
+        if event.kind is EventKind.RECORDING_FAILED and not system.disk.fault:
             system.tell(f"{event.kind.value}: {event.text}")
 
     def call(self, what):
@@ -132,14 +136,16 @@ class System:
         counts: how often what happened.
     """
 
-    def __init__(self, seed):
-        self.seed = seed
+    def __init__(self, seed, name="slow"):
+        self.seed, self.settings = seed, config.parse(SETTINGS[name], source="emulated")
         self.scheduler = Scheduler(seed)
         self.random = self.scheduler.random
         self.problems = self.scheduler.problems
         self.counts = Counter()
-        self.device = EmulatedDevice(LIMITS, 1.0 / RATE_HZ, self.tell)
-        self.is_disk_full = False
+        arm = self.settings.devices["arm"]
+        limits = limits_of(arm.limits.to_limits())
+        self.device = EmulatedDevice(limits, 1.0 / arm.rate_hz, self.tell, self.random)
+        self.disk = Disk(self.scheduler)
         self.lateness = 0.0
         self.trouble = ""
         self.trouble_ns = 0
@@ -191,7 +197,7 @@ class System:
     @property
     def is_moving(self):
         """Whether the device moves."""
-        return self.device.is_moving(self.scheduler.now_ns)
+        return self.device.judge.is_moving(self.scheduler.now_ns)
 
     def tell(self, problem):
         """Note a violation."""
@@ -216,18 +222,16 @@ class _Timer:
 
 
 @contextlib.contextmanager
-def emulated(seed):
+def emulated(seed, name="slow"):
     """Give a :class:`System` that has not started, and the clock to it."""
-    system = System(seed)
+    system = System(seed, name)
 
     def write_report(path, report):
-        if system.is_disk_full:
-            raise OSError(errno.ENOSPC, "no space left on device", str(path))
+        system.disk.write(path)
 
     def write_recording(_recorder, _file):
         system.scheduler.sleep(0.2)
-        if system.is_disk_full:
-            raise OSError(errno.ENOSPC, "no space left on device")
+        system.disk.write()
         return EventKind.RECORDED, "recorded"
 
     replaced = [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import math
 import os
 import resource
 import signal
@@ -22,17 +21,19 @@ import numpy as np
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
+from judge import Judge, judged
 
-from orientd import connect, rotation
+from orientd import connect
+from orientd.driver import Setpoint
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.stub import control_stub
-from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream.records import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
 from orientd_loopback import read_recording
 
 DEVICE = "arm"
 VELOCITY, ACCELERATION, JERK = 2.5, 17.0, 8500.0
+LIMITS = {"velocity": VELOCITY, "acceleration": ACCELERATION, "jerk": JERK}
 
 REST = 3
 """Setpoints at one place that are rest."""
@@ -331,21 +332,12 @@ class DaemonProcess:
         """Renew the lease for its full time."""
         self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
 
-    def stretches(self, begin: int = 0) -> list[np.ndarray]:
-        """Return the setpoints from *begin* on, cut where motion resumes from rest after a stall.
+    def judged(self, begin: int = 0) -> tuple[list[str], Judge]:
+        """Return what the setpoints from *begin* on violate, and their judge.
 
-        The device comes to rest there, and each section begins with the last setpoint of the one
-        before.
+        Where motion resumes after a stall it begins at rest.
         """
-        setpoints = read_recording(self.recording)[begin:]
-        q = np.array([setpoint.q for setpoint in setpoints])
-        speeds = np.array([math.hypot(*setpoint.omega_body) for setpoint in setpoints])
-        gaps = np.diff([setpoint.time_ns for setpoint in setpoints])
-        # The gap follows the first setpoint from rest if the process was stalled within a cycle.
-        gaps = np.maximum(gaps, np.append(gaps[1:], 0)) + 2e9 * self.period
-        is_from_rest = (gaps > SHORTEST_NS) & (speeds[1:] <= 0.5 * speeds[:-1])
-        ends = [*np.flatnonzero(is_from_rest) + 1, len(q)]
-        return [q[max(a - 1, 0) : b] for a, b in itertools.pairwise([0, *ends])]
+        return judged(read_recording(self.recording)[begin:], LIMITS, self.period)
 
     def at_rest(self) -> int:
         """Wait for rest; return how many setpoints there are, but for the last ones, at rest.
@@ -362,8 +354,8 @@ class DaemonProcess:
 
     def assert_limits_kept(self, begin: int = 0) -> None:
         """Check that the setpoints from *begin* on keep the default limits."""
-        for stretch in self.stretches(begin):
-            assert_limits_kept(stretch, self.period)
+        violations, _ = self.judged(begin)
+        assert not violations, violations[:5]
 
     def sent(self) -> np.ndarray:
         """Return the orientations that the driver has recorded so far, shape (n, 4)."""
@@ -398,27 +390,27 @@ def nudge(angle: float) -> pb.MotionRequest:
     return pb.MotionRequest(keyframes=keyframes, approach=True)
 
 
+def _setpoints(q: np.ndarray, period: float) -> list[Setpoint]:
+    """Return orientations as setpoints, one in each period."""
+    return [Setpoint(round(k * period * 1e9), tuple(one)) for k, one in enumerate(q.tolist(), 1)]
+
+
 def peaks(q: np.ndarray, period: float) -> tuple[float, float, float]:
     """Return the largest velocity, acceleration and jerk by backward differences, from rest."""
-    return peaks_within(np.vstack([q[:1], q[:1], q[:1], q]), period)
+    _, judge = judged(_setpoints(q, period), {}, period)
+    return judge.peaks["velocity"], judge.peaks["acceleration"], judge.peaks["jerk"]
 
 
-def peaks_within(q: np.ndarray, period: float) -> tuple[float, float, float]:
-    """Return the largest velocity, acceleration and jerk of setpoints that may begin in motion."""
-    derivative = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / period
-    found = []
-    for _ in range(3):
-        found.append(float(np.linalg.norm(derivative, axis=1).max(initial=0.0)))
-        derivative = np.diff(derivative, axis=0) / period
-    return found[0], found[1], found[2]
-
-
-def assert_limits_kept(q: np.ndarray, period: float) -> None:
-    """Check that setpoints keep the default limits."""
-    velocity, acceleration, jerk = peaks(q, period)
-    assert velocity <= VELOCITY * 1.001
-    assert acceleration <= ACCELERATION * 1.001
-    assert jerk <= JERK * 1.001
+def assert_limits_kept(
+    q: np.ndarray,
+    period: float,
+    limits: dict[str, float] | None = None,
+    *,
+    is_moving: bool = False,
+) -> None:
+    """Check that setpoints keep limits, the default ones unless others are given."""
+    violations, _ = judged(_setpoints(q, period), limits or LIMITS, period, is_moving=is_moving)
+    assert not violations, violations[:5]
 
 
 def is_alive(pid: int) -> bool:

@@ -12,14 +12,6 @@ driver, so that a test fails whose servo breaks one of these rules, whatever the
 from __future__ import annotations
 
 import math
-import time
-from types import SimpleNamespace
-
-import processes
-
-from orientd.errors import DeviceError
-from orientd.mechanism import Mechanical
-from orientd.servo import process as servo_process
 
 TOLERANCE = 1.001
 GAP_NS = 50_000_000
@@ -28,13 +20,15 @@ GAP_NS = 50_000_000
 ROUNDING, AXIS_ROUNDING = 1e-14, 1e-11
 """Rounding of a difference of orientations, and of angles of many turns, rad."""
 
+UNKNOWN = (math.nan,) * 3
+
 AT_REST = 1e-6
 """Velocity of a device at rest, rad/s or m/s."""
 
 LONGEST_STOP_NS = 1_000_000_000
 """Longest time from a fault to rest."""
 
-RATES = ("velocity", "acceleration", "jerk")
+RATES, KINDS = ("velocity", "acceleration", "jerk"), ("", "linear_")
 
 
 class Judge:
@@ -49,14 +43,15 @@ class Judge:
 
     Attributes:
         axes: limits of the axes, as ``orientd.driver.AxisLimits``.
-        peaks: largest rates so far, as shares of *limits*.
-        count: of setpoints.
+        peaks: largest rates so far, by the names of limits, in rad or m and s.
+        gap_ns: a device that is sent nothing for longer has come to rest.
+        rests: how often the device was at rest because nothing was sent for a while.
     """
 
     def __init__(self, limits, period, violate):
         self.limits, self.period, self.violate, self.axes = limits, period, violate, ()
-        self.peaks, self.count = dict.fromkeys(limits, 0.0), 0
-        self._gap_ns = max(GAP_NS, round(3e9 * period))
+        self.peaks, self.rests = {kind + rate: 0.0 for kind in KINDS for rate in RATES}, 0
+        self.gap_ns = max(GAP_NS, round(3e9 * period))
         self._at, self._led_ns, self._rest_by_ns = None, 0, None
         self.stand()
 
@@ -64,6 +59,11 @@ class Judge:
         """Expect the device to be at rest."""
         self._turns = self._moves = ((0.0,) * 3,) * 2
         self._joints, self._joint_rates = (), None
+
+    def begin_in_motion(self):
+        """Expect the next setpoint anywhere, with whatever velocity and acceleration."""
+        self._turns = self._moves = (UNKNOWN,) * 2
+        self._at = None
 
     def anchor(self, q=None, position=None):
         """Expect the next setpoint next to a pose, or anywhere, from rest; a fault is over."""
@@ -77,12 +77,18 @@ class Judge:
 
     def is_led(self, now_ns):
         """Return whether a setpoint has come lately."""
-        return now_ns - self._led_ns <= self._gap_ns
+        return now_ns - self._led_ns <= self.gap_ns
 
     def is_moving(self, now_ns):
         """Return whether the setpoints move the device."""
         speeds = (*self._turns[0], *self._moves[0])
         return self.is_led(now_ns) and any(abs(speed) > AT_REST for speed in speeds)
+
+    def slows(self, q):
+        """Return whether the device would be at half of its speed, or less, at an orientation."""
+        before = q if self._at is None else self._at[0]
+        speed = math.hypot(*self._turns[0])
+        return math.hypot(*turn(before, q)) / self.period <= 0.5 * speed and speed > AT_REST
 
     def let_go(self, now_ns):
         """Look whether a device that is let go is at rest."""
@@ -92,13 +98,16 @@ class Judge:
 
     def take(self, now_ns, q, position=(0.0, 0.0, 0.0), joints=()):
         """Look at a setpoint."""
-        if not self.is_led(now_ns):
+        if self._led_ns and not self.is_led(now_ns):
+            self.rests += 1
             self.stand()
-        self._led_ns, self.count = now_ns, self.count + 1
-        before, self._at = self._at or (q, position), (q, position)
-        move = tuple(b - a for a, b in zip(before[1], position, strict=True))
-        self._turns = self._look("", turn(before[0], q), self._turns, ROUNDING)
-        self._moves = self._look("linear_", move, self._moves, ROUNDING)
+        self._led_ns = now_ns
+        before, self._at = self._at, (q, position)
+        if before is not None or not math.isnan(self._turns[0][0]):
+            before = before or self._at
+            move = tuple(b - a for a, b in zip(before[1], position, strict=True))
+            self._turns = self._look("", turn(before[0], q), self._turns, ROUNDING)
+            self._moves = self._look("linear_", move, self._moves, ROUNDING)
         self._look_at_axes(joints)
         if self._rest_by_ns is not None:
             if not self.is_moving(now_ns):
@@ -112,13 +121,11 @@ class Judge:
         for rate in before:
             rates.append(_rate(rate, rates[-1], self.period))
         for name, rate in zip(RATES, rates, strict=True):
-            limit = self.limits.get(kind + name, math.inf)
-            size = math.hypot(*rate)
-            if not size <= TOLERANCE * limit + rounding:
+            limit, size = self.limits.get(kind + name, math.inf), math.hypot(*rate)
+            is_unknown = all(map(math.isfinite, step)) and math.isnan(size)
+            if not size <= TOLERANCE * limit + rounding and not is_unknown:
                 self.violate(f"{kind}{name} {size:.6g}, at most {limit:g}")
-            if limit < math.inf:
-                share = (size - rounding) / limit
-                self.peaks[kind + name] = max(self.peaks[kind + name], share)
+            self.peaks[kind + name] = max(self.peaks[kind + name], size)
             rounding /= self.period
         return rates[0], rates[1]
 
@@ -166,84 +173,31 @@ def turn(p, q):
     return tuple(share * v for v in vector)
 
 
-def judged(setpoints, limits, period):
+def judged(setpoints, limits, period, *, is_moving=False):
     """Return the violations of recorded setpoints, and the judge that found them.
 
     Args:
         setpoints: of a driver, as ``orientd.driver.Setpoint``, in their order.
         limits: as for :class:`Judge`.
         period: of the setpoints, s.
+        is_moving: whether they begin in motion.
     """
     found = []
     judge = Judge(limits, period, found.append)
-    for setpoint in setpoints:
+    if is_moving:
+        judge.begin_in_motion()
+    after = [*setpoints[1:], *setpoints[-1:]]
+    for setpoint, follower in zip(setpoints, after, strict=True):
+        # A process that stood still within a cycle writes the first setpoint from rest with the
+        # deadline before the gap.
+        if follower.time_ns - setpoint.time_ns > judge.gap_ns and judge.slows(setpoint.q):
+            judge.rests += 1
+            judge.stand()
         judge.take(setpoint.time_ns, setpoint.q, setpoint.position, setpoint.joints)
     return found, judge
 
 
-class _Judged:
-    """A driver whose setpoints are looked at."""
-
-    judge = None
-
-    def enable(self):
-        feedback = super().enable()
-        self.judge.anchor()
-        if isinstance(self, Mechanical):
-            mechanism = self.mechanism(may_ask=False)
-            self.judge.axes = () if mechanism is None else mechanism.axes
-        return feedback
-
-    def read(self):
-        try:
-            return super().read()
-        except DeviceError:
-            self.judge.fail(time.monotonic_ns())
-            raise
-
-    def write(self, setpoint):
-        self.judge.take(time.monotonic_ns(), setpoint.q, setpoint.position, setpoint.joints)
-        try:
-            super().write(setpoint)
-        except DeviceError:
-            self.judge.fail(time.monotonic_ns())
-            raise
-
-    def disable(self):
-        self.judge.let_go(time.monotonic_ns())
-        super().disable()
-
-
-def of_judges(scheduler):
-    """Return what puts a judge before each driver: owners, names and values to replace."""
-    limits, devices = {}, {}
-    begin, run, resolve = processes.Servo._begin, servo_process.run, servo_process.pkgutil
-
-    def begin_judged(servo, settings, descriptor):
-        given = servo._settings.limits.to_limits()
-        limits[settings.device] = {
-            name: value
-            for rate in RATES
-            for name in (rate, f"linear_{rate}")
-            if (value := getattr(given, name, None)) is not None
-        }
-        return begin(servo, settings, descriptor)
-
-    def run_judged(descriptor, settings):
-        devices[scheduler.current().group] = settings
-        return run(descriptor, settings)
-
-    def resolve_judged(name):
-        settings, kind = devices[scheduler.current().group], resolve.resolve_name(name)
-
-        def violate(problem):
-            scheduler.problems.append(f"{settings.device}: {problem}")
-
-        judge = Judge(limits[settings.device], settings.period_ns * 1e-9, violate)
-        return type(kind.__name__, (_Judged, kind), {"judge": judge})
-
-    return [
-        (processes.Servo, "_begin", begin_judged),
-        (servo_process, "run", run_judged),
-        (servo_process, "pkgutil", SimpleNamespace(resolve_name=resolve_judged)),
-    ]
+def limits_of(limits):
+    """Return the limits of a device by name, as a :class:`Judge` takes them."""
+    names = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
+    return {name: getattr(limits, name) for name in names}

@@ -10,8 +10,8 @@ import time
 from types import SimpleNamespace
 
 from direct_planners import DirectPlanners
+from network import Network
 from serial_lines import SerialLines
-from sockets import Network
 
 from orientd.daemon.device import EventKind, device
 from orientd.daemon.device.servo_process import ServoProcess

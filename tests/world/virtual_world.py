@@ -19,7 +19,7 @@ import harness
 from _pytest.runner import CallInfo, runtestprotocol
 from arms import of_robots
 from channel import Channel, VirtualListener
-from judge import of_judges
+from judged_drivers import of_judges
 from planners import of_planners
 from processes import World, of_servos, written
 from programs import of_programs

@@ -1,8 +1,7 @@
-"""Clients of the system, faults, and an operator who resets the device.
+"""Clients of the system, and an operator who resets the device.
 
 The seed makes every choice.  Each check stands next to its cause.  A client expects an answer or an
-error of orientd's, and it expects that a stop stops.  The faults expect that a motion without a
-client has come to rest.
+error of orientd's, and it expects that a stop stops.
 """
 
 from __future__ import annotations
@@ -11,6 +10,8 @@ import contextlib
 import math
 from functools import partial
 from types import SimpleNamespace
+
+from faults import AT_REST, Faults
 
 from orientd.config import Role
 from orientd.daemon.access.identity import Caller, Identity
@@ -21,14 +22,7 @@ from orientd.stream.records import ServoState
 PATIENCE = 75.0
 """Longest time for the answer to a command, s: a driver may take 60."""
 
-AT_REST = 4.0
-"""Longest time until a stop is complete, s."""
-
 _DRIVEN = (ServoState.STREAMING, ServoState.TRACKING, ServoState.STOPPING)
-
-
-HARMLESS = ("disk", "wall_clock")
-"""Faults that must not affect the device."""
 
 
 class GoneError(Exception):
@@ -406,128 +400,6 @@ class Mender(Client):
         self.system.scheduler.spawn(partial(self.keep, lapses=0.0), "keep")
 
 
-class Weather:
-    """Faults of the device, the processes, the disk and the clock."""
-
-    def __init__(self, system, every):
-        self.system, self.random, self.every = system, system.random, every
-        self.is_over = False
-
-    def live(self):
-        kinds = (
-            "link", "stale", "fault", "write", "kill_servo", "stop_servo", "stop_daemon",
-            "kill_daemon", "restart_daemon", "disk", "wall_clock", "lateness",
-        )  # fmt: skip
-        while not self.is_over:
-            self.system.scheduler.sleep(self.random.expovariate(1.0 / self.every))
-            if self.random.random() < 0.7:
-                self.await_motion()
-            kind = self.random.choice(kinds)
-            self.system.counts[kind] += 1
-            if kind in HARMLESS:
-                getattr(self, kind)()
-                continue
-            self.system.trouble = kind
-            getattr(self, kind)()
-            self.system.trouble, self.system.trouble_ns = "", self.system.scheduler.now_ns
-
-    def await_motion(self):
-        """Wait until the device moves, but not for long."""
-        for _ in range(100):
-            if self.system.is_moving:
-                return
-            self.system.scheduler.sleep(0.1)
-
-    def last(self, *longest):
-        seconds = self.random.choice((0.005, 0.05, 0.3, 1.2, *(longest or (3.0,))))
-        self.system.scheduler.sleep(seconds)
-        return seconds
-
-    def _of_device(self, fault):
-        self.system.device.fault = fault
-        self.last()
-        self.system.device.fault = ""
-
-    def link(self):
-        self._of_device("link")
-
-    def stale(self):
-        self._of_device("stale")
-
-    def fault(self):
-        self._of_device("fault")
-
-    def write(self):
-        self._of_device("write")
-
-    def kill_servo(self):
-        if self.system.servo is not None:
-            self.system.servo.kill()
-
-    def stop_servo(self):
-        servo = self.system.servo
-        if servo is not None:
-            self.system.scheduler.freeze(servo.group)
-            self.last()
-            self.system.scheduler.thaw(servo.group)
-
-    def stop_daemon(self):
-        """Let the daemon stand still: the servo stops by itself."""
-        system, daemon = self.system, self.system.daemon
-        daemon.was_frozen = True
-        system.scheduler.freeze(daemon.group)
-        if self.last(*[AT_REST + 1.0] * 8) > AT_REST and system.is_moving:
-            system.tell("the device moves though its daemon stands still")
-        system.scheduler.thaw(daemon.group)
-        system.scheduler.sleep(0.1)
-        daemon.was_frozen = False
-
-    def kill_daemon(self):
-        """Kill the daemon: the servo stops on the path and ends."""
-        system, servo = self.system, self.system.servo
-        system.kill_daemon()
-        is_early = self.random.random() < 0.5
-        if not is_early:
-            system.scheduler.sleep(AT_REST)
-            if system.is_moving:
-                system.tell("the device moves though its daemon was killed")
-            if servo is not None and servo.returncode is None:
-                system.tell("the servo of a killed daemon has not ended")
-        elif servo is not None:
-            # Nothing but the link keeps two servos apart; a robot takes one client.
-            servo.wait()
-        system.start_daemon()
-
-    def restart_daemon(self):
-        """Terminate the daemon, and start another."""
-        system, daemon = self.system, self.system.daemon
-        if not daemon.is_serving:
-            return
-        daemon.end()
-        for _ in range(4000):
-            if daemon.has_ended:
-                break
-            system.scheduler.sleep(0.01)
-        else:
-            system.tell("the daemon does not end")
-        if system.is_moving:
-            system.tell("the device moves though its daemon has ended")
-        system.start_daemon()
-
-    def disk(self):
-        self.system.is_disk_full = True
-        self.last(20.0)
-        self.system.is_disk_full = False
-
-    def wall_clock(self):
-        self.system.scheduler.wall_ns += round(self.random.gauss(0.0, 3600.0) * 1e9)
-
-    def lateness(self):
-        self.system.lateness = self.random.choice((0.005, 0.05, 0.3))
-        self.last(10.0)
-        self.system.lateness = 0.0
-
-
 def play(system, seconds, *, every=10.0):
     """Let everybody do what they do for a while, then see that nothing is left of it.
 
@@ -548,10 +420,10 @@ def play(system, seconds, *, every=10.0):
     mender = Mender(system, "op", "op")
     scheduler.spawn(mender.live, "op", "crowd")
     scheduler.spawn(mender.audit, "audit", "crowd")
-    weather = Weather(system, every)
-    task = scheduler.spawn(weather.live, "weather", "weather")
+    faults = Faults(system, every)
+    task = scheduler.spawn(faults.live, "faults", "faults")
     system.run(seconds)
-    weather.is_over = True
+    faults.is_over = True
     while not task.is_over:
         system.run(1.0)
     scheduler.kill("crowd")
