@@ -1,0 +1,172 @@
+"""Client, daemon, servo and link stand still, in every order, and go on in another one.
+
+Whatever the order, the device comes to rest on its path within its limits, nothing moves after a
+fault, and a reset and a motion work afterwards.
+"""
+
+import itertools
+import os
+import random
+import signal
+import time
+
+import numpy as np
+import pytest
+from harness import DEVICE, DaemonProcess, assert_limits_kept, nudge, until
+from processes import Process, World
+from scipy.spatial import cKDTree
+from virtual_time import Scheduler
+from virtual_world import running
+
+from orientd import connect, motion_file, planner, rotation
+from orientd.errors import OrientdError
+from orientd.protocol import control_pb2 as pb
+from orientd.servo.watchdog import SHORTEST_NS
+from orientd_loopback import read_recording
+
+ORDERS = list(itertools.permutations(("client", "daemon", "servo", "link")))
+SEEDS = int(os.environ.get("ORIENTD_CASES", "1"))
+
+LEASE = 2.0
+SECONDS = 4.0
+OFF_PATH = 5e-7
+"""Angle of a setpoint from its path, rad: half way between two records."""
+
+VECTORS = [[0.0, 0.0, 0.0], [0.3, 0.1, 0.7], [0.2, -0.4, 1.6], [-0.3, 0.2, 2.4], [0.0, 0.0, 2.9]]
+TIMES = [SECONDS * k / (len(VECTORS) - 1) for k in range(len(VECTORS))]
+
+
+class Life:
+    """A daemon, a client with a motion, and what stops each of them.
+
+    Attributes:
+        ends: how the client's motion ended, if the client has learned it.
+    """
+
+    def __init__(self, world, folder):
+        self.world, self.fault = world, folder / "fault"
+        options = f'fault_file = "{self.fault}"'
+        self.daemon = DaemonProcess(folder, patience=None, lease=LEASE, options=options)
+        self.client, self.ends = Process(world.scheduler, "client"), []
+
+    def begin(self):
+        """Start the daemon and the client, and wait for the motion."""
+        self.daemon.start()
+        self.daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=self.daemon.token))
+        self.world.scheduler.spawn(self._move, "client", self.client.group)
+        until(lambda: self.daemon.device().path_time > 0.2, "the motion")
+        self.servo = self.daemon.device().servo_pid
+
+    def _move(self):
+        try:
+            with connect(self.daemon.socket, holder="ana") as robot:
+                keyframes = [{"rotation_vector": one} for one in VECTORS]
+                self.ends.append(robot.move(keyframes, times=TIMES, approach=True).wait().outcome)
+        except OrientdError as error:
+            self.ends.append(error)
+
+    def signal(self, which, number):
+        """Stop one of them, or let it go on."""
+        if which == "link":
+            self.fault.write_text("feedback_stale" if number == signal.SIGSTOP else "")
+        elif which == "servo":
+            os.kill(self.servo, number)
+        else:
+            (self.client if which == "client" else self.daemon.process).send_signal(number)
+
+    def sent(self):
+        """Return times, ns, and orientations of what the device was sent."""
+        setpoints = read_recording(self.daemon.recording)
+        return (
+            np.array([setpoint.time_ns for setpoint in setpoints]),
+            np.array([setpoint.q for setpoint in setpoints]),
+        )
+
+
+def assert_within_limits(times, q, period):
+    """Check the limits of all setpoints; a device that is sent nothing holds the last one."""
+    gaps = np.flatnonzero(np.diff(times) > SHORTEST_NS)
+    for first, last in itertools.pairwise([0, *gaps, len(q) - 1]):
+        assert_limits_kept(q[first : last + 1], period)
+
+
+def assert_on_path(q, motion):
+    """Check that setpoints lie on a motion's path, each of them not before the one before."""
+    times = np.arange(0.0, motion.duration, motion.period / 20.0)
+    path = motion.sample(times)
+    grid = path.q * np.sign(path.q @ q[0])[:, None]
+    q = q * np.sign(q @ q[0])[:, None]
+    place = cKDTree(grid).query(q)[1]
+    away = rotation.log(rotation.multiply(rotation.conjugate(grid[place]), q))
+    omega = path.omega_body[place]
+    speed = np.maximum(np.linalg.norm(omega, axis=1, keepdims=True), 1e-9)
+    along = np.sum(away * omega, axis=1, keepdims=True) / speed
+    assert np.linalg.norm(away - along * omega / speed, axis=1).max() < OFF_PATH
+    passed = times[place] + (along / speed)[:, 0]
+    is_moving = speed[:, 0] > 1e-3
+    assert np.all(np.diff(passed[is_moving]) > -1e-6)
+
+
+def live(life, order, rng):
+    """Stop all of them in one order, let them go on in another, and judge what was sent."""
+    life.begin()
+    scale = rng.choice([0.1, 0.5, 1.0])
+    for which in order:
+        life.signal(which, signal.SIGSTOP)
+        time.sleep(scale * rng.uniform(0.0, 0.5))
+    time.sleep(scale * rng.uniform(0.0, 1.5))
+    for which in rng.sample(order, 4):
+        life.signal(which, signal.SIGCONT)
+        time.sleep(scale * rng.uniform(0.0, 0.8))
+
+    daemon = life.daemon
+    state = until(
+        lambda: (found := daemon.device().state) in (pb.STATE_FAULT, pb.STATE_HOLDING) and found,
+        "rest",
+    )
+    if state == pb.STATE_FAULT:
+        before = len(life.sent()[1])
+        time.sleep(0.5)
+        assert np.ptp(life.sent()[1][before - 1 :], axis=0).max() == 0.0
+    until(lambda: life.ends, "the end of the client's motion")
+
+    times, q = life.sent()
+    assert_within_limits(times, q, daemon.period)
+    table = {
+        "keyframes": [
+            {"time": t, "rotation_vector": v} for t, v in zip(TIMES, VECTORS, strict=True)
+        ],
+        "approach": True,
+    }
+    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    limits = planner.DEFAULT_LIMITS
+    request = motion_file.parse(table)
+    assert_on_path(q, planner.plan(request, start=start, limits=limits, period=daemon.period))
+
+    life.client.kill()
+    until(lambda: not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases, "the lease")
+    daemon.token = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
+    if state == pb.STATE_FAULT:
+        daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
+    for answer in daemon.move(nudge(0.4)):
+        daemon.renew()
+        summary = answer.summary
+    assert (summary.outcome, summary.text) == (pb.OUTCOME_DONE, "")
+    daemon.end()
+    return state, life.ends[0]
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+@pytest.mark.parametrize("order", ORDERS, ids="-".join)
+def test_in_whatever_order_all_stand_still_the_device_rests_on_its_path(tmp_path, order, seed):
+    name = f"{seed} {' '.join(order)}"
+    world, ends = World(Scheduler(name)), []
+    with running(world):
+        life = Life(world, tmp_path)
+        rng = random.Random(name)
+        task = world.scheduler.spawn(lambda: ends.append(live(life, order, rng)), "test")
+        while not task.is_over:
+            assert world.scheduler.is_busy
+            world.scheduler.run(world.scheduler.now_ns + 50_000_000)
+    assert not world.scheduler.problems, "\n".join(world.scheduler.problems)
+    print(*ends)
