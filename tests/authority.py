@@ -13,12 +13,12 @@ QUICK_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256")
 class Authority:
     """Signs and revokes certificates in a folder."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, name="cell"):
         self.folder = folder
         folder.mkdir(mode=0o700, parents=True)
         shutil.copy(CONFIGURATION, folder)
         (folder / "index.txt").touch()
-        made = ("-extensions", "authority", "-days", "3650", "-subj", "/CN=cell")
+        made = ("-extensions", "authority", "-days", "3650", "-subj", f"/CN={name}")
         self.run("req", "-x509", *made, *QUICK_KEY, "-keyout", "ca.key", "-out", "ca.pem")
         self.run("ca", "-gencrl", "-out", "crl.pem")
 

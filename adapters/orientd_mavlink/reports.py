@@ -70,6 +70,12 @@ class Reports:
         """The messages that can be asked for, in words."""
         return f"this gimbal has the messages {', '.join(map(str, sorted(self._makers)))}"
 
+    @property
+    def regular(self) -> str:
+        """The messages that are sent regularly, in words."""
+        numbers = ", ".join(map(str, sorted(self._intervals)))
+        return f"this gimbal has the messages {numbers} at intervals"
+
     def message(self, number: float) -> Any:  # noqa: ANN401 - pymavlink has no types
         """Return the message of that id; ``None`` if there is none, or nothing to say yet."""
         make = self._makers.get(int(number)) if math.isfinite(number) else None

@@ -226,7 +226,7 @@ class Mavlink:
             return ACCEPTED
         self._gimbal.deny(
             f"an interval of {microseconds:g} us for message {number:g} is denied: expected -1 for "
-            f"never, 0 for the usual one, or a time; {self._reports.offered}"
+            f"never, 0 for the usual one, or a time; {self._reports.regular}"
         )
         return DENIED
 

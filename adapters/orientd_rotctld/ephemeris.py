@@ -100,7 +100,8 @@ def from_table(path: Path) -> Table:
     """
     rows = list(_rows(path))
     if len(rows) < _FEWEST:
-        raise OrientdError(f"{path}: expected at least {_FEWEST} rows, got {len(rows)}")
+        problem = f"expected at least {_FEWEST} rows, got {len(rows)}; add rows"
+        raise OrientdError(f"{path}: {problem}")
     for before, row in pairwise(rows):
         if not row.time > before.time:
             raise _refusal(
@@ -292,7 +293,7 @@ def _rates(times: Floats, points: Floats) -> Floats:
 
 
 def _rows(path: Path) -> Iterator[_Row]:
-    reader = csv.DictReader(text_of(path).splitlines())
+    reader = csv.DictReader(text_of(path).splitlines(keepends=True))
     try:
         names = reader.fieldnames or ()
         if missing := [name for name in _COLUMNS if name not in names]:
@@ -301,8 +302,16 @@ def _rows(path: Path) -> Iterator[_Row]:
                 f"{path}, line 1: expected the columns {', '.join(_COLUMNS)}, got {came!r} with no "
                 f"{missing[0]}; name the columns in the first line, with commas between"
             )
+        twice = next((name for name in _COLUMNS if names.count(name) > 1), None)
+        if twice is not None:
+            raise OrientdError(f"{path}, line 1: two columns are called {twice!r}; rename one")
         for row in reader:
             line = reader.line_num
+            for cell in row.values():
+                if isinstance(cell, str) and "\n" in cell:
+                    begun = line - cell.rstrip("\n").count("\n")
+                    problem = "a quote that is not closed in its line; remove it"
+                    raise OrientdError(f"{path}, line {begun}: {problem}")
             if None in row:
                 raise OrientdError(
                     f"{path}, line {line}: expected {len(names)} cells, got "
@@ -323,10 +332,12 @@ def _angle(path: Path, line: int, column: str, cell: str | None) -> float:
     """
     low, high = RANGES[column]
     expected = f"expected {low:g} to {high:g} degrees"
+    text = cell or ""
     try:
-        angle = float(cell or "")
+        angle = float(text) if "_" not in text else float("")
     except ValueError:
-        raise _refusal(path, line, column, f"{expected}, got {cell or ''!r}") from None
+        step = "write the number alone" if text.strip() else "fill it in, or leave out the row"
+        raise _refusal(path, line, column, f"{expected}, got {text!r}; {step}") from None
     if not low <= angle <= high:
         problem = f"{expected}, got {angle:.10g}; check the decimal point"
         raise _refusal(path, line, column, problem)
@@ -348,7 +359,8 @@ def _time(path: Path, line: int, cell: str | None) -> float:
             when = (parsed if parsed.tzinfo else parsed.replace(tzinfo=UTC)).timestamp()
         except (ValueError, OverflowError):
             expected = "expected Unix time in s, or ISO 8601 as in 2026-05-01T12:00:00Z"
-            raise _refusal(path, line, "time", f"{expected}, got {text!r}") from None
+            problem = f"{expected}, got {text!r}; write it so"
+            raise _refusal(path, line, "time", problem) from None
     if not _FIRST <= when <= _LAST:
         units = [unit for unit, most in _FINER.items() if _FIRST <= when / most <= _LAST]
         step = f"convert it from {units[0]} to s" if units else "check its unit and its digits"

@@ -208,7 +208,7 @@ def text_of(path: Path) -> str:
     try:
         return path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
+        reason = getattr(error, "strerror", None) or "not a text file; save it as UTF-8"
         raise OrientdError(f"{path}: {reason}") from None
 
 

@@ -258,6 +258,36 @@ def test_targets_go_on_after_a_bad_line_which_is_named(daemon):
     assert (report["targets"], report["refused"]) == (2, 3)
 
 
+WRONG_LINES = {
+    '{"base": [1, 0, 0, 0]}': "q_world_base: expected a scipy Rotation, Quaternion(w=, x=, y=, z=)"
+    ", or a mapping with quaternion, rotation_vector, euler, matrix, direction, azimuth_elevation "
+    "or look_at, got [1, 0, 0, 0]; name its components: a bare sequence does not say its order",
+    '{"point": [1, 2, 3], "rotation_vector": [0, 0, 0]}': "rotation_vector: unknown key; known are "
+    "velocity, place, roll, frame, pointing_axis, time_ns, time_to_live",
+    '{"point": [0, 0]}': "point: expected three numbers, got [0, 0]; give x, y and z",
+    '{"point": [1, 0, 0], "roll": "most"}': "roll: expected degrees, got 'most'; "
+    "give a finite number",
+    '{"point": [1, 0, 0], "frame": "cam"}': "frame: the device has no frame 'cam'; define it in "
+    "`frames` of the device",
+    '{"rotation_vector": [0, 0, NaN]}': "expected finite numbers, got NaN; leave out this target",
+    '{"direction": [0, 0, 0]}': "target.direction: expected a direction, got none: the vector is "
+    "zero; give another",
+    '{"rotation_vector": [0, 0, 1], "position": [1, 2, 1e7]}': "target.position: expected a "
+    "position within 1000 m, got (1.0, 2.0, 10000000.0); give metres",
+    '{"quaternion": {"w": 2, "x": 0, "y": 0, "z": 0}}': "target.quaternion: norm must be 1 within "
+    "0.001, got 2; divide it by its norm",
+    "0.3": "expected a JSON object, got 0.3; write lines such as "
+    '{"rotation_vector": [0, 0, 0.3]}; further ones are only counted',
+}
+
+
+def test_a_wrong_line_is_named_with_value_expectation_and_the_next_step(daemon):
+    done = follow(daemon, *WRONG_LINES)
+    assert done.stderr.splitlines() == [
+        f"orientd: line {k}: {line}" for k, line in enumerate(WRONG_LINES.values(), 1)
+    ]
+
+
 def test_nothing_but_bad_lines_is_a_failure(daemon):
     done = follow(daemon, "null")
     assert (done.returncode, json.loads(done.stdout)["refused"]) == (1, 1)

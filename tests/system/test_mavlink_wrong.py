@@ -82,7 +82,52 @@ WRONG = {
     ),
     "flags that are none": (
         lambda station: station.point(0, 0, flags=-1),
-        "flags of -1 are denied: expected a number of 0 to 65535",
+        "flags of -1 are denied: expected a whole number of 0 to 65535; add up the flags",
+    ),
+    "flags that are no whole number": (
+        lambda station: station.point(0, 0, flags=1.5),
+        "flags of 1.5 are denied: expected a whole number of 0 to 65535; add up the flags",
+    ),
+    "control of another gimbal": (
+        lambda station: station.command(CONFIGURE, -2, -2, -1, -1, 0, 0, 9),
+        "a command for the gimbal device 9 is denied: this one has id 1",
+    ),
+    "control for no component": (
+        lambda station: station.command(CONFIGURE, 300, 1, -1, -1, 0, 0, 1),
+        "control for the component 300/1 is denied: expected ids of 1 to 255, 0 for none, -1 for "
+        "no change, -2 for the sender or -3 to release it",
+    ),
+    "control for half a component": (
+        lambda station: station.command(CONFIGURE, -1, -1, 2.5, 7, 0, 0, 1),
+        "control for the component 2.5/7 is denied: expected ids of 1 to 255, 0 for none, -1 for "
+        "no change, -2 for the sender or -3 to release it",
+    ),
+    "a message of another component": (
+        lambda station: station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 999),
+        "a request for message 999 is denied: this gimbal has the messages 0, 280, 281, 283, 285",
+    ),
+    "no message": (
+        lambda station: station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, NAN),
+        "a request for message nan is denied: this gimbal has the messages 0, 280, 281, 283, 285",
+    ),
+    "an interval of another message": (
+        lambda station: station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 30, 100000),
+        "an interval of 100000 us for message 30 is denied: expected -1 for never, 0 for the usual "
+        "one, or a time; this gimbal has the messages 0, 281, 285 at intervals",
+    ),
+    "no interval": (
+        lambda station: station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 285, NAN),
+        "an interval of nan us for message 285 is denied: expected -1 for never, 0 for the usual "
+        "one, or a time; this gimbal has the messages 0, 281, 285 at intervals",
+    ),
+    "a negative interval": (
+        lambda station: station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 285, -5),
+        "an interval of -5 us for message 285 is denied: expected -1 for never, 0 for the usual "
+        "one, or a time; this gimbal has the messages 0, 281, 285 at intervals",
+    ),
+    "infinite pitch rate": (
+        command(NAN, NAN, -math.inf, NAN),
+        "an infinite rate is denied: expected a number, or NaN for no change",
     ),
     "gimbal of another component": (
         command(0, 0, gimbal_id=3),
@@ -128,7 +173,7 @@ STREAMS = {
     ),
     "norm": (
         lambda station: station.attitude((2.0, 0.0, 0.0, 0.0)),
-        "a quaternion of norm 2 is denied: expected norm 1",
+        "a quaternion of norm 2 is denied: expected norm 1; divide it by its norm",
     ),
     "sticks": (
         lambda station: station.send(

@@ -80,7 +80,58 @@ WRONG = {
     "level of another rotator": (
         "V SPEED 5",
         "RPRT -11",
-        "'V': not served: a device has no levels, functions or parameters",
+        "'V': not served: a device has no levels, functions or parameters; leave it out",
+    ),
+    "long name without a backslash": (
+        "set_pos 10 20",
+        "RPRT -1",
+        "set_pos: a long name needs a backslash; write \\set_pos",
+    ),
+    "reset by a word": (
+        "R all",
+        "RPRT -1",
+        "reset all: expected the number of a reset, such as 1 for all, got 'all'",
+    ),
+    "reset of nothing": (
+        "R",
+        "RPRT -1",
+        "reset: expected 1 value, got 0; give them in the line of the command",
+    ),
+    "sign of degrees": (
+        "P 10° 20°",
+        "RPRT -1",
+        "set_pos 10° 20°: expected a number as in 12.5, got '10°'",
+    ),
+    "two decimal commas": (
+        "P 10,5,3 20",
+        "RPRT -1",
+        "set_pos 10,5,3 20: expected a number as in 12.5, got '10,5,3'",
+    ),
+    "angle beyond all numbers": (
+        "P 1e999 0",
+        "RPRT -1",
+        "set_pos 1e999 0: expected a number as in 12.5, got '1e999'",
+    ),
+    "semicolon between the angles": (
+        "P 10;20",
+        "RPRT -1",
+        "set_pos: expected 2 values, got 1; give them in the line of the command",
+    ),
+    "direction without a number": (
+        "M 99 20",
+        "RPRT -1",
+        "move 99 20: expected a direction, one of UP, DOWN, LEFT, RIGHT, UP_LEFT, UP_RIGHT, "
+        "DOWN_LEFT, DOWN_RIGHT, or its number, got '99'",
+    ),
+    "backwards by a negative speed": (
+        "M UP -5",
+        "RPRT -1",
+        "move UP -5: expected a speed from 1 to 100 percent, or -1 for no change, got -5",
+    ),
+    "command that is left out": (
+        "+",
+        "RPRT -1",
+        "expected a command after '+'",
     ),
     "line without an end": (
         "S" * 2000,

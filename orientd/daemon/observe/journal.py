@@ -25,6 +25,9 @@ KEPT_BYTES = 4 << 20
 WAITING = 1000
 """Events that may wait for one watcher."""
 
+_URGENT = (EventKind.FAULT, EventKind.SERVO_DIED)
+"""Events that wait for no plan of a motion that has started before."""
+
 
 class Subscription:
     """The events that wait for one watcher; see :meth:`Journal.subscribe`."""
@@ -74,7 +77,9 @@ class Journal:
             kept: the age up to which events are kept, s.
         """
         self._oldest_ns = round(kept * 1e9)
-        self._queue: SimpleQueue[DeviceEvent | None] = SimpleQueue()
+        # Each event, and whether the watchers know it already.
+        self._queue: SimpleQueue[tuple[DeviceEvent, bool] | None] = SimpleQueue()
+        self._urgent = 0
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._subscriptions: list[Subscription] = []
@@ -87,7 +92,8 @@ class Journal:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._work, name="journal", daemon=True)
                 self._thread.start()
-        self._queue.put(event)
+            self._urgent += event.kind in _URGENT
+        self._queue.put((event, False))
 
     def subscribe(self, device: str, wake: Callable[[], object]) -> Subscription:
         """Return a subscription to the events from now on.
@@ -131,7 +137,18 @@ class Journal:
             self._kept_bytes -= len(self._kept.popleft()[2])
 
     def _work(self) -> None:
-        while (event := self._queue.get()) is not None:
+        while (item := self._queue.get()) is not None:
+            event, is_told = item
+            if event.kind in _URGENT:
+                with self._lock:
+                    self._urgent -= 1
+            # A fault of the first second waits for no plan: it follows the start without one, and
+            # the recording gets the plan when it is there.
+            is_late = not _await_plan(event, lambda: self._urgent > 0)
+            if is_late:
+                self._queue.put((event, True))
+            if is_late and is_told:
+                continue
             try:
                 message = event_to_message(event)
                 content = message.SerializeToString()
@@ -140,9 +157,18 @@ class Journal:
                 continue
             with self._lock:
                 subscriptions = self._subscriptions
-                self._keep(event, content)
-            for subscription in subscriptions:
+                if not is_late:
+                    self._keep(event, content)
+            for subscription in () if is_told else subscriptions:
                 subscription.put(message)
+
+
+def _await_plan(event: DeviceEvent, is_urgent: Callable[[], bool]) -> bool:
+    """Wait for the plan of a motion that starts; return ``False`` if that was cut short."""
+    queued = event.queued
+    if event.kind is not EventKind.MOTION_STARTED or queued is None or queued.planned is None:
+        return True
+    return queued.planned.await_event(is_urgent)
 
 
 def event_to_message(event: DeviceEvent) -> pb.Event:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, wait
 from typing import Self
 
 from orientd.daemon.planners.task import CHUNK, PlanInput, Planned, RecordFile, Rest
@@ -15,6 +16,9 @@ from orientd.planner.facts import HISTORY
 
 _WAIT = 1.0
 """Longest wait of the journal for the planner's report of a motion, s."""
+
+_LOOK = 0.01
+"""Seconds from one look for something urgent to the next."""
 
 _BEHIND = 4096
 """Records kept behind those that were fed last: the meter compares the device with them."""
@@ -89,11 +93,24 @@ class PlannedMotion:
 
     @property
     def event(self) -> bytes:
-        """A serialised ``Event`` with plan, request and samples; empty if there is none in time."""
+        """A serialised ``Event`` with plan, request and samples; empty while there is none."""
         try:
-            return self._rest.result(_WAIT).event
+            return self._rest.result(0.0).event
         except (TimeoutError, CancelledError):
             return b""
+
+    def await_event(self, is_urgent: Callable[[], bool]) -> bool:
+        """Wait until :attr:`event` is there, or will not be in time.
+
+        Returns:
+            ``False`` if something urgent has cut the wait short.
+        """
+        end = time.monotonic() + _WAIT
+        while not self._rest.done() and time.monotonic() < end:
+            if is_urgent():
+                return False
+            wait([self._rest], _LOOK)
+        return True
 
     @property
     def at_hand(self) -> tuple[int, int]:

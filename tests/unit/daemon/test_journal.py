@@ -1,5 +1,8 @@
 """The journal keeps the newest events, as many as it has room for."""
 
+import threading
+from types import SimpleNamespace
+
 import pytest
 
 from orientd.daemon.device import DeviceEvent, EventKind
@@ -41,3 +44,47 @@ def test_one_that_there_is_no_room_for_is_kept_in_any_case(monkeypatch):
     texts = ["a", "b" * 5000, "c"]
     assert kept_of(texts[:2], room=100, monkeypatch=monkeypatch) == texts[1:2]
     assert kept_of(texts, room=100, monkeypatch=monkeypatch) == texts[2:]
+
+
+class SlowPlan:
+    """A motion whose planner has not reported its plan yet."""
+
+    def __init__(self):
+        self.is_there = threading.Event()
+        self.looks = threading.Semaphore(0)
+
+    def await_event(self, is_urgent):
+        while not self.is_there.wait(0.001):
+            self.looks.release()
+            if is_urgent():
+                return False
+        return True
+
+    @property
+    def event(self):
+        there = self.is_there.is_set()
+        return pb.Event(plan=pb.Plan(duration=7.0)).SerializeToString() if there else b""
+
+
+def test_a_fault_waits_for_no_plan_and_the_recording_gets_that_later():
+    journal, plan = Journal(kept=60.0), SlowPlan()
+    told = threading.Semaphore(0)
+    watcher = journal.subscribe("arm", told.release)
+    queued = SimpleNamespace(planned=plan, first_index=None, number=1)
+    journal.on_event(DeviceEvent("arm", EventKind.MOTION_STARTED, "", 1, queued=queued))
+    assert plan.looks.acquire(timeout=10.0)
+    assert not told.acquire(blocking=False)
+    journal.on_event(DeviceEvent("arm", EventKind.FAULT, "link_lost", 2))
+    assert told.acquire(timeout=10.0)
+    assert told.acquire(timeout=10.0)
+    started, fault = watcher.take().events
+    assert (started.kind, started.HasField("plan")) == (pb.EVENT_KIND_MOTION_STARTED, False)
+    assert (fault.kind, fault.text) == (pb.EVENT_KIND_FAULT, "link_lost")
+    plan.is_there.set()
+    journal.on_event(DeviceEvent("arm", EventKind.WARNING, "later", 3))
+    journal.close()
+    kept = [pb.Event.FromString(event) for event in journal.kept("arm", 0)]
+    assert [
+        event.plan.duration for event in kept if event.kind == pb.EVENT_KIND_MOTION_STARTED
+    ] == [7.0]
+    assert len(watcher.take().events) == 1

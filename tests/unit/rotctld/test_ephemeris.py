@@ -177,11 +177,11 @@ WRONG = {
     ),
     "an angle that is no number": (
         f"{AFTER}1800000002,12,low\n",
-        "line 4, elevation: expected -90 to 180 degrees, got 'low'",
+        "line 4, elevation: expected -90 to 180 degrees, got 'low'; write the number alone",
     ),
     "an empty cell": (
         f"{AFTER}1800000002,,22\n",
-        "line 4, azimuth: expected -720 to 720 degrees, got ''",
+        "line 4, azimuth: expected -720 to 720 degrees, got ''; fill it in, or leave out the row",
     ),
     "no finite number": (
         f"{HEAD}{AT},nan,20\n",
@@ -200,7 +200,7 @@ WRONG = {
     "a date of another form": (
         f"{HEAD}01.05.2026 12:00,10,20\n",
         "line 2, time: expected Unix time in s, or ISO 8601 as in 2026-05-01T12:00:00Z, "
-        "got '01.05.2026 12:00'",
+        "got '01.05.2026 12:00'; write it so",
     ),
     "rows out of order": (
         f"{AFTER}\n1800000000.5,12,22\n",
@@ -221,7 +221,55 @@ WRONG = {
         "line 1: expected the columns time, azimuth, elevation, got '1800000000,10,20' with no "
         "time; name the columns in the first line, with commas between",
     ),
-    "two rows": (AFTER, "expected at least 3 rows, got 2"),
+    "two rows": (AFTER, "expected at least 3 rows, got 2; add rows"),
+    "a column twice": (
+        f"time,azimuth,azimuth,elevation\n{AT},1,10,20\n",
+        "line 1: two columns are called 'azimuth'; rename one",
+    ),
+    "a quote that is left open": (
+        f'{HEAD}{AT},10,20\n1800000001,"11,21\n1800000002,12,22\n',
+        "line 3: a quote that is not closed in its line; remove it",
+    ),
+    "a quote that a later line closes": (
+        f'{HEAD}{AT},10,20\n1800000001,"11,21\n1800000002,12,22"\n',
+        "line 3: a quote that is not closed in its line; remove it",
+    ),
+    "a number with an underscore": (
+        f"{HEAD}{AT},1_0,20\n",
+        "line 2, azimuth: expected -720 to 720 degrees, got '1_0'; write the number alone",
+    ),
+    "the sign of degrees": (
+        f"{HEAD}{AT},10°,20\n",
+        "line 2, azimuth: expected -720 to 720 degrees, got '10°'; write the number alone",
+    ),
+    "a hexadecimal number": (
+        f"{HEAD}{AT},0x10,20\n",
+        "line 2, azimuth: expected -720 to 720 degrees, got '0x10'; write the number alone",
+    ),
+    "a cell less": (
+        f"{HEAD}{AT},10\n",
+        "line 2, elevation: expected -90 to 180 degrees, got ''; fill it in, or leave out the row",
+    ),
+    "a time twice": (
+        f"{AFTER}1800000001,12,22\n",
+        "line 4, time: expected a time after 2027-01-15T08:00:01 of line 3, "
+        "got 2027-01-15T08:00:01; sort the rows by time",
+    ),
+    "a month that is none": (
+        f"{HEAD}2026-13-01T00:00:00Z,10,20\n",
+        "line 2, time: expected Unix time in s, or ISO 8601 as in 2026-05-01T12:00:00Z, "
+        "got '2026-13-01T00:00:00Z'; write it so",
+    ),
+    "a time that is no number": (
+        f"{HEAD}nan,10,20\n",
+        "line 2, time: expected Unix time in s, of the years 2000 to 2100, got nan; "
+        "check its unit and its digits",
+    ),
+    "an empty file": (
+        "",
+        "line 1: expected the columns time, azimuth, elevation, got '' with no time; "
+        "name the columns in the first line, with commas between",
+    ),
 }
 
 

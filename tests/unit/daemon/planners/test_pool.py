@@ -78,7 +78,8 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
 
     async def test(planners):
         found = await planners.plan(one, PlanCall(one.motion, timeout=60.0))
-        return found, await asyncio.to_thread(lambda: found.event)
+        assert await asyncio.to_thread(found.await_event, lambda: False)
+        return found, found.event
 
     there, event = run(test)
     here = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(one.motion)))
