@@ -8,6 +8,7 @@ do not clear the input.  A pulled cable raises four kinds of exceptions.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import termios
@@ -35,6 +36,13 @@ _BROADCAST = 0xFE
 _PING, _READ, _WRITE, _REBOOT = 0x01, 0x02, 0x03, 0x08
 _HEADER = b"\xff\xff\xfd"
 _GONE = (OSError, termios.error, IndexError, TypeError)
+_NEXT_STEPS = {
+    errno.ENOENT: "plug in the adapter, or correct `port`",
+    errno.EACCES: "add your user to the group of the port",
+    errno.EBUSY: "end the program that uses it",
+    errno.EAGAIN: "end the program that uses it",
+}
+"""What to do if a port cannot be opened."""
 _ERRORS = {
     1: "it could not do it",
     2: "it does not know the instruction",
@@ -351,7 +359,7 @@ def open_bus(
         opened = port.openPort()
         port.ser.exclusive = True
     except _GONE as error:
-        raise LinkError(f"cannot open {port_name}: {error}") from error
+        raise LinkError(f"cannot open {port_name}: {_reason(error)}") from error
     if not opened:
         raise LinkError(f"cannot open {port_name} at {baud} baud")
     # Opening creates a new serial object whose reads return at once: the SDK would spin.
@@ -360,6 +368,15 @@ def open_bus(
         # An FTDI adapter then passes answers on after 1 ms; others ignore this.
         port.ser.set_low_latency_mode(True)
     return ServoBus(port, sdk.Protocol2PacketHandler(), wait_ms=wait_ms)
+
+
+def _reason(error: Exception) -> str:
+    """Return why a port cannot be opened, and the next step; pyserial repeats the errno."""
+    number = getattr(error, "errno", None)
+    if number is None:
+        return str(error) or type(error).__name__
+    step = _NEXT_STEPS.get(number)
+    return os.strerror(number) + (f"; {step}" if step else "")
 
 
 def _steady_ms(_port: object) -> float:

@@ -29,6 +29,7 @@ from orientd.daemon.access.identity import (
     look_up,
     peer_process,
 )
+from orientd.daemon.access.refusals import Refusals
 from orientd.daemon.workers import LOOK_UP
 from orientd.errors import AccessError, ConfigError, DaemonError
 
@@ -103,7 +104,7 @@ class Listener:
         """
         self._access, self._tcp = access, tcp
         self._tables = Tables.read(access, tcp)
-        self._find_route, self._audit = find_route, audit
+        self._find_route, self._refusals = find_route, Refusals(audit)
         self._path: Path | None = None
         self._listeners: list[socket.socket] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -170,7 +171,7 @@ class Listener:
             caller = connection.caller
             now = tables.policy.identify(caller.credentials)
             if now is None:
-                self._refuse(caller.origin, f"{caller.identity.name} is admitted no more")
+                self._refusals.note(caller.origin, f"{caller.identity.name} is admitted no more")
                 connection.hang_up()
             elif isinstance(caller.credentials, ClientCertificate) and (
                 tables.revocations != before.revocations
@@ -187,6 +188,7 @@ class Listener:
         for listener in self._listeners:
             listener.close()
         self._listeners.clear()
+        self._refusals.close()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await asyncio.gather(*[one.ends_within(grace) for one in self._connections])
         for connection in list(self._connections):
@@ -198,10 +200,6 @@ class Listener:
         """Open the socket to other users if any are admitted; each connection is identified."""
         if self._path is not None:
             self._path.chmod(0o666 if self.policy.admits_others else 0o600)
-
-    def _refuse(self, origin: str, problem: str) -> None:
-        _log.warning("refused %s: %s", origin, problem)
-        self._audit.record(event="refused", origin=origin, text=problem)
 
     def _accept_at(self, listener: socket.socket, receive: Receive) -> None:
         listener.listen(_BACKLOG)
@@ -234,9 +232,9 @@ class Listener:
             accepted.close()
             if isinstance(error, ssl.SSLError):
                 reason = getattr(error, "verify_message", "") or error.reason or str(error)
-                self._refuse(origin, f"handshake: {reason}")
+                self._refusals.note(origin, f"handshake: {reason}")
             elif isinstance(error, OSError | AccessError):
-                self._refuse(origin, str(error) or type(error).__name__)
+                self._refusals.note(origin, str(error) or type(error).__name__)
             else:
                 raise
 
@@ -282,7 +280,7 @@ class Listener:
                 caller = Caller(credentials, origin, identity)
                 self._enter(connection, caller)
             except (AccessError, ValueError) as error:
-                self._refuse(origin, str(error))
+                self._refusals.note(origin, str(error))
                 return None
             return caller
 
