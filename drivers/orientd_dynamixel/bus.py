@@ -42,7 +42,7 @@ _NEXT_STEPS = {
     errno.EBUSY: "end the program that uses it",
     errno.EAGAIN: "end the program that uses it",
 }
-"""What to do if a port cannot be opened."""
+"""The next step if a port cannot be opened, by the error."""
 _ERRORS = {
     1: "it could not do it",
     2: "it does not know the instruction",

@@ -109,7 +109,7 @@ def pose_problem(q: Quaternion, omega: Vector3 | None, position: Vector3 | None)
     # Written so that a NaN is a problem.
     if not abs(size - 1.0) <= NORM_TOLERANCE:
         expected = f"expected a quaternion of norm 1 within {NORM_TOLERANCE:g}, got norm {size:.9g}"
-        return f"{expected}; divide it by its norm"
+        return f"{expected}; divide it by its norm" if 0.0 < size < math.inf else expected
     if position is not None and not _is_within(position, MOST_METRES):
         return f"expected a position within {MOST_METRES:g} m, got {position}; give metres"
     if omega is not None and not _is_within(omega, MOST_RATE):

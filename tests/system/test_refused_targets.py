@@ -73,7 +73,8 @@ WRONG = {
     ),
     "infinite positions": (
         lambda play: play.chunk(ramp(2), rate=30.0, positions=[[0.0, math.inf, 0.0]] * 2),
-        r"poses\[1\]: expected a position within 1000 m, got \(0.0, inf, 0.0\); none of the 2 is",
+        r"poses\[1\]: expected a position within 1000 m, got \(0.0, inf, 0.0\); "
+        "give metres; none of the 2 is",
     ),
     "a position that is text": (
         lambda play: play.chunk(ramp(2), rate=30.0, positions=[[0, 0, 0], [0, "a", 0]]),
@@ -192,7 +193,8 @@ def test_poses_that_are_none_are_counted_and_told(robot, warnings):
     with robot.play() as play:
         play.chunk(poses, rate=30.0)
         until(lambda: play.timing().chunks, "the chunk")
-    problem = "poses[3]: expected a quaternion of norm 1 within 1e-06, got norm 2; skipped"
+    problem = "poses[3]: expected a quaternion of norm 1 within 1e-06, got norm 2; "
+    problem += "divide it by its norm; skipped"
     assert (play.timing().skipped, play.timing().refused) == (2, 0)
     assert play.timing().refusal == problem
     until(lambda: f"a client's targets: {problem}" in warnings, "the event")
