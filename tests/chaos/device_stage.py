@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 from command_line import begin, environment
-from gimbal_bench import PATIENT, ROOT, ExampleDaemon
+from gimbal_bench import PATIENT, ROOT, STEADY, ExampleDaemon
 from harness import assert_limits_kept, is_alive, run_first, until
 from stage import ATTEMPTS, LONGEST, STARVED, Calls, longest_wait, waiting
 
@@ -47,7 +47,9 @@ class DeviceStage:
             self.words = ("dynamixel", "--link", str(port))
             self.device, self.limits, self.rate_hz = "gimbal", _limits(1500.0), 100.0
             example = "gimbal"
-            changes = (('/tmp/gimbal"', f'{port}"'), *PATIENT)
+            # A bus that is silent is a fault sooner than a round waits for it.
+            sooner = (f"{STEADY}5.0 ", f"{STEADY}2.0 ")
+            changes = (('/tmp/gimbal"', f'{port}"'), *PATIENT, sooner)
         self.motion = motion_file.load(ROOT / "config" / f"{example}-turn.yaml")
         self.daemon = ExampleDaemon(folder, f"{example}.toml", *changes)
 
