@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
 import re
 import time
@@ -12,19 +11,14 @@ from pathlib import Path
 
 import numpy as np
 from harness import DaemonProcess, children, until
+from judge import Judge, judged
 
+from orientd.driver import Setpoint
 from orientd.protocol import control_pb2 as pb
 
 DEVICES = ("left", "right")
 RATE_HZ = 500.0
 PERIOD = 1.0 / RATE_HZ
-
-NEARLY_NS, STALL_NS = 30_000_000, 75_000_000
-"""A servo process that did not run for 50 ms resumes from rest.  A setpoint has only its deadline,
-so between these two limits it may resume from rest or not."""
-
-MOST_CUTS = 30
-"""Looked back at, of those that may be."""
 
 SETPOINT = np.dtype(
     [("time_ns", "i8"), ("q", "f8", 4), ("rates", "f8", 6), ("position", "f8", 3), ("v", "f8", 3)]
@@ -145,63 +139,13 @@ def sent(path: Path) -> np.ndarray:
     return np.frombuffer(content[: len(content) // SETPOINT.itemsize * SETPOINT.itemsize], SETPOINT)
 
 
-def stretches(setpoints: np.ndarray, limits) -> list[np.ndarray]:
-    """Return the sections of setpoints between stalls, each from rest at the previous setpoint.
-
-    A late cycle carries its deadline, so the first cycle from rest may be next to the gap.  A short
-    gap may be no stall.  The function chooses the division that keeps *limits* best.
-    """
-    gaps = np.diff(setpoints["time_ns"])
-    near = {gap + after for gap in np.flatnonzero(gaps > NEARLY_NS).tolist() for after in range(3)}
-    certain = np.flatnonzero(gaps > STALL_NS)
-    best: dict[int, tuple[float, list[int]]] = {0: (0.0, [0])}
-    for end in [*sorted(near & set(range(1, len(setpoints)))), len(setpoints)]:
-        # Every certain stall has a cut next to it, so only so many cuts may be the one before.
-        stalled = certain[certain + 2 < end]
-        least = max(stalled[-1] if len(stalled) else 0, sorted(best)[-MOST_CUTS:][0])
-        best[end] = min(
-            (
-                (
-                    max(worst, *_shares(_from_rest(setpoints, begin, end), limits).values()),
-                    [*cuts, end],
-                )
-                for begin, (worst, cuts) in best.items()
-                if begin >= least
-            ),
-            key=lambda found: (found[0], len(found[1])),
-            default=(np.inf, [0, end]),
-        )
-    return [_from_rest(setpoints, *ends) for ends in itertools.pairwise(best[len(setpoints)][1])]
-
-
-def _from_rest(setpoints: np.ndarray, begin: int, end: int) -> np.ndarray:
-    rest = setpoints[max(begin - 1, 0) : max(begin, 1)]
-    return np.concatenate([rest, rest, rest, setpoints[begin:end]])
-
-
-def shares_of_limits(setpoints: np.ndarray, limits) -> tuple[dict[str, float], int]:
-    """Return the largest rates that were sent, as shares of *limits*, and the stalls between."""
-    pieces = stretches(setpoints, limits)
-    shares = [_shares(piece, limits) for piece in pieces]
-    return {name: max(share[name] for share in shares) for name in shares[0]}, len(pieces) - 1
-
-
-def _shares(stretch: np.ndarray, limits) -> dict[str, float]:
-    """Return the largest rates of a section as shares of *limits*, by backward differences."""
-    omega = rotation_vectors(stretch["q"]) / PERIOD
-    alpha = np.diff(omega, axis=0) / PERIOD
-    velocity = np.diff(stretch["position"], axis=0) / PERIOD
-    rates = {
-        "velocity": omega,
-        "acceleration": alpha,
-        "jerk": np.diff(alpha, axis=0) / PERIOD,
-        "linear_velocity": velocity,
-        "linear_acceleration": np.diff(velocity, axis=0) / PERIOD,
-    }
-    return {
-        name: float(np.sqrt((rate * rate).sum(axis=1)).max(initial=0.0) / getattr(limits, name))
-        for name, rate in rates.items()
-    }
+def shares_of_limits(setpoints: np.ndarray, limits) -> tuple[dict[str, float], Judge]:
+    """Return the largest rates that were sent, as shares of *limits*, and their judge."""
+    rows = zip(*(setpoints[name].tolist() for name in ("time_ns", "q", "position")), strict=True)
+    sent = [Setpoint(at, q, position=position) for at, q, position in rows]
+    _, judge = judged(sent, {}, PERIOD)
+    names = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
+    return {name: judge.peaks[name] / getattr(limits, name) for name in names}, judge
 
 
 def rotation_vectors(q: np.ndarray) -> np.ndarray:

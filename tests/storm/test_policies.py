@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from policies import asked_turn, policy
-from storm_rig import PERIOD, Rig, rotation_vectors, sent, shares_of_limits, stretches
+from storm_rig import PERIOD, Rig, rotation_vectors, sent, shares_of_limits
 
 import orientd
 from orientd.protocol import to_quaternion, to_vector
@@ -63,10 +63,10 @@ class Player:
         """Return what the setpoints show, and what is wrong with them."""
         limits = SimpleNamespace(**{**vars_of(self.limits), **wanted.limits})
         setpoints = sent(self.rig.recordings[self.device])[skip:]
-        shares, stalls = shares_of_limits(setpoints, limits)
-        shares["linear_jerk"] = max(
-            linear_jerk(piece, limits.linear_acceleration) for piece in stretches(setpoints, limits)
-        )
+        shares, judge = shares_of_limits(setpoints, limits)
+        # The linear acceleration changes in a cycle by at most half of its limit.
+        change = judge.peaks["linear_jerk"] * PERIOD
+        shares["linear_jerk"] = change / (0.5 * limits.linear_acceleration)
         problems = [
             f"{name}: {share:.4f} of the limit"
             for name, share in shares.items()
@@ -95,7 +95,7 @@ class Player:
         return (
             f"turned {turned:.2f} of {asked:.2f} rad, limits used "
             f"{' '.join(f'{share:.3f}' for share in shares.values())}, "
-            f"rest after {took:.2f} of {allowed:.2f} s, {stalls} stalls",
+            f"rest after {took:.2f} of {allowed:.2f} s, {judge.rests} stalls",
             problems,
         )
 
@@ -104,12 +104,6 @@ def vars_of(limits):
     """Return the limits of a device by name."""
     names = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
     return {name: getattr(limits, name) for name in names}
-
-
-def linear_jerk(piece, acceleration):
-    """Return the change of the linear acceleration in a cycle, as a share of half the limit."""
-    changes = np.diff(piece["position"], 3, axis=0) / PERIOD**2
-    return float(np.linalg.norm(changes, axis=1).max(initial=0.0) / (0.5 * acceleration))
 
 
 def slowest_end(steps, left, limits):

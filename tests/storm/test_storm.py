@@ -266,12 +266,14 @@ def check_sent(rig, limits, calls):
     for name, path in rig.recordings.items():
         setpoints = sent(path)
         assert np.isfinite(setpoints["q"]).all()
-        shares, stalls = shares_of_limits(setpoints, limits[name])
+        shares, judge = shares_of_limits(setpoints, limits[name])
         for quantity, share in shares.items():
             if not share <= GUARD_TOLERANCE:
                 calls.fail(f"{name}: {quantity} is {share:.6f} of its limit")
         told = ", ".join(f"{quantity} {share:.4f}" for quantity, share in shares.items())
-        lines.append(f"{name}: {len(setpoints)} setpoints, {stalls} stalls; of the limit: {told}")
+        lines.append(
+            f"{name}: {len(setpoints)} setpoints, {judge.rests} stalls; of the limit: {told}"
+        )
     return lines
 
 

@@ -11,6 +11,7 @@ driver, so that a test fails whose servo breaks one of these rules, whatever the
 
 from __future__ import annotations
 
+import itertools
 import math
 
 TOLERANCE = 1.001
@@ -58,11 +59,17 @@ class Judge:
     def stand(self):
         """Expect the device to be at rest."""
         self._turns = self._moves = ((0.0,) * 3,) * 2
-        self._joints, self._joint_rates = (), None
+        self._joints, self._joint_rates, self._joints_begin = (), None, 0.0
+
+    def rest(self, now_ns):
+        """Expect the next setpoint from rest: nothing was sent for a while."""
+        self.rests, self._led_ns = self.rests + 1, now_ns
+        self.stand()
 
     def begin_in_motion(self):
         """Expect the next setpoint anywhere, with whatever velocity and acceleration."""
         self._turns = self._moves = (UNKNOWN,) * 2
+        self._joints, self._joint_rates, self._joints_begin = (), None, math.nan
         self._at = None
 
     def anchor(self, q=None, position=None):
@@ -99,8 +106,7 @@ class Judge:
     def take(self, now_ns, q, position=(0.0, 0.0, 0.0), joints=()):
         """Look at a setpoint."""
         if self._led_ns and not self.is_led(now_ns):
-            self.rests += 1
-            self.stand()
+            self.rest(now_ns)
         self._led_ns = now_ns
         before, self._at = self._at, (q, position)
         if before is not None or not math.isnan(self._turns[0][0]):
@@ -134,7 +140,7 @@ class Judge:
         if not joints or not self.axes or len(before) != len(joints):
             self._joint_rates = None
             return
-        known = self._joint_rates or [(0.0, 0.0)] * len(joints)
+        known = self._joint_rates or [(self._joints_begin,) * 2] * len(joints)
         found = []
         for axis, was, at, (speed, change) in zip(self.axes, before, joints, known, strict=True):
             rates = [(at - was) / self.period]
@@ -143,8 +149,8 @@ class Judge:
             rounding = AXIS_ROUNDING
             for name, rate in zip(RATES, rates, strict=True):
                 rounding /= self.period
-                if not abs(rate) <= TOLERANCE * getattr(axis, name) + rounding:
-                    limit = getattr(axis, name)
+                limit, is_unknown = getattr(axis, name), math.isnan(rate) and math.isfinite(at)
+                if not abs(rate) <= TOLERANCE * limit + rounding and not is_unknown:
                     self.violate(f"{name} of {axis.name} {rate:.6g}, at most {limit:g}")
             if not axis.low - axis.resolution <= at <= axis.high + axis.resolution:
                 self.violate(f"{axis.name} at {at:.6g}, within {axis.low:g} and {axis.high:g}")
@@ -186,13 +192,13 @@ def judged(setpoints, limits, period, *, is_moving=False):
     judge = Judge(limits, period, found.append)
     if is_moving:
         judge.begin_in_motion()
-    after = [*setpoints[1:], *setpoints[-1:]]
-    for setpoint, follower in zip(setpoints, after, strict=True):
-        # A process that stood still within a cycle writes the first setpoint from rest with the
-        # deadline before the gap.
-        if follower.time_ns - setpoint.time_ns > judge.gap_ns and judge.slows(setpoint.q):
-            judge.rests += 1
-            judge.stand()
+    times = [setpoint.time_ns for setpoint in setpoints]
+    gaps = [0, *(b - a for a, b in itertools.pairwise(times)), 0]
+    for setpoint, before, after in zip(setpoints, gaps, gaps[1:], strict=False):
+        # A late cycle writes its deadline: a process that stood still within a cycle writes the
+        # first setpoint from rest before the gap.
+        if max(before, after) + 2e9 * period > judge.gap_ns and judge.slows(setpoint.q):
+            judge.rest(setpoint.time_ns)
         judge.take(setpoint.time_ns, setpoint.q, setpoint.position, setpoint.joints)
     return found, judge
 

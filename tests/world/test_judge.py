@@ -153,3 +153,13 @@ def test_numbers_that_are_none_are_found():
     setpoints[30] = setpoints[30]._replace(q=(math.nan, 0.0, 0.0, 0.0))
     found, _ = judged(setpoints, LIMITS, PERIOD_NS * 1e-9, is_moving=True)
     assert "velocity nan, at most 1" in found
+
+
+def test_axes_that_begin_in_motion_are_judged_from_where_they_are_known(sent):
+    sent.judge.begin_in_motion()
+    sent.speed = 0.9
+    sent.turn(0.1)
+    assert sent.found == []
+    sent.speed = 0.8
+    sent.turn()
+    assert any(one.startswith("acceleration of yaw -50") for one in sent.found)
