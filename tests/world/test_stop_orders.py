@@ -27,6 +27,14 @@ from orientd_loopback import read_recording
 ORDERS = list(itertools.permutations(("client", "daemon", "servo", "link")))
 SEEDS = int(os.environ.get("ORIENTD_CASES", "1"))
 
+EXPECTED = {
+    pb.FAULT_FEEDBACK_STALE,
+    pb.FAULT_HEARTBEAT_LOST,
+    pb.FAULT_PATH_STARVED,
+    pb.FAULT_SERVO_STALLED,
+}
+"""What they may end in; none of them makes the servo break a limit."""
+
 LEASE = 2.0
 SECONDS = 4.0
 OFF_PATH = 5e-7
@@ -125,6 +133,7 @@ def live(life, order, rng):
         "rest",
     )
     if state == pb.STATE_FAULT:
+        assert daemon.device().fault in EXPECTED
         before = len(life.sent()[1])
         time.sleep(0.5)
         assert np.ptp(life.sent()[1][before - 1 :], axis=0).max() == 0.0
