@@ -42,7 +42,7 @@ _NEXT_STEPS = {
     errno.EBUSY: "end the program that uses it",
     errno.EAGAIN: "end the program that uses it",
 }
-"""The next step if a port cannot be opened, by the error."""
+"""The next steps if a port cannot be opened."""
 _ERRORS = {
     1: "it could not do it",
     2: "it does not know the instruction",

@@ -47,7 +47,12 @@ def numeric_address(host: str) -> str:
         return str(socket.getaddrinfo(host, None, socket.AF_INET)[0][4][0])
     except (OSError, UnicodeError) as error:
         # UnicodeError is for invalid names, with an empty or too long part.
-        raise LinkError(f"{host}: the name cannot be resolved: {error}") from error
+        raise LinkError(f"{host}: the name cannot be resolved: {_words(error)}") from error
+
+
+def _words(error: Exception) -> str:
+    """Return the text of an error, without the number of the system."""
+    return getattr(error, "strerror", None) or str(error)
 
 
 class Connection:
@@ -77,7 +82,8 @@ class Connection:
         try:
             self.sock = socket.create_connection((host, port), timeout)
         except OSError as error:
-            raise LinkError(f"no {server} at {host}:{port}: {error}") from error
+            step = "check the address, and switch the robot on"
+            raise LinkError(f"no {server} at {host}:{port}: {_words(error)}; {step}") from error
 
     def __enter__(self) -> Self:
         return self
@@ -94,7 +100,7 @@ class Connection:
         try:
             self.sock.sendall(contents)
         except OSError as error:
-            raise LinkError(f"{self._server} is gone: {error}") from error
+            raise LinkError(f"{self._server} is gone: {_words(error)}") from error
 
     def receive(self, find: Callable[[bytes], tuple[_T, bytes] | None], awaited: str) -> _T:
         """Return the result of *find* in the received bytes.
@@ -119,7 +125,7 @@ class Connection:
                     raise ConnectionResetError("it closed the connection")
                 self._pending += chunk
         except (OSError, ValueError) as error:
-            raise LinkError(f"{self._server} did not send {awaited}: {error}") from error
+            raise LinkError(f"{self._server} did not send {awaited}: {_words(error)}") from error
         contents, self._pending = found
         return contents
 
