@@ -184,7 +184,7 @@ def of_serial_lines(lines):
     """Return what drivers and tests find in a world: owners, names and values to replace."""
     replaced = [
         (gimbal_bench, "TERMINALS", lines),
-        (driver_bus, "os", SimpleNamespace(write=lines.write)),
+        (driver_bus, "os", SimpleNamespace(write=lines.write, strerror=os.strerror)),
     ]
     try:
         from dynamixel_sdk import port_handler
