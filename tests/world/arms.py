@@ -211,7 +211,7 @@ class RTDEControlInterface:
         values = []
         for one in arguments:
             values += one if isinstance(one, list) else [one]
-        if not self._await(self._is_ready, READY_LIMIT):
+        if self._is_stopped() or not self._await(self._is_ready, READY_LIMIT):
             self._session.write(0)
             return False
         self._session.write(number, values)
@@ -221,6 +221,12 @@ class RTDEControlInterface:
             return is_done
         return True
 
+    def _is_stopped(self):
+        """Return whether no program runs, or a stop holds it."""
+        return not self.isProgramRunning() or self._session["safety_status_bits"] & (
+            1 << 2 | 1 << 7
+        )
+
     def _await(self, is_so, seconds):
         """Wait until something is so; give up if the robot has stopped."""
         ends = time.monotonic() + seconds
@@ -228,8 +234,7 @@ class RTDEControlInterface:
         while not is_so():
             if not self._session.is_connected:
                 raise RuntimeError("the connection is gone")
-            is_stopped = self._session["safety_status_bits"] & (1 << 2 | 1 << 7)
-            if (is_stopped or not self.isProgramRunning()) and not is_start:
+            if self._is_stopped() and not is_start:
                 return False
             if time.monotonic() > ends:
                 return False
