@@ -15,6 +15,8 @@ from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture
 def daemon(bus, tmp_path):
@@ -171,6 +173,7 @@ def findings(daemon):
     }
 
 
+@pytest.mark.real
 def test_doctor_looks_at_the_configured_bus(bus, tmp_path):
     found = findings(GimbalDaemon(tmp_path, bus.link))
     assert str(bus.link) in found["port"]["found"]
@@ -182,6 +185,7 @@ def test_doctor_looks_at_the_configured_bus(bus, tmp_path):
     assert found["rate"]["verdict"] == "ok"
 
 
+@pytest.mark.real
 def test_doctor_says_which_servo_does_not_answer_and_changes_nothing(bus, tmp_path):
     bus.tell("disconnect 2")
     found = findings(GimbalDaemon(tmp_path, bus.link))
@@ -190,6 +194,7 @@ def test_doctor_says_which_servo_does_not_answer_and_changes_nothing(bus, tmp_pa
     assert bus.state(1)["torque"] == 0
 
 
+@pytest.mark.real
 def test_doctor_leaves_a_bus_in_use_alone(bus, daemon):
     found = findings(daemon)
     assert found["bus"]["verdict"] == "problem"
@@ -199,6 +204,7 @@ def test_doctor_leaves_a_bus_in_use_alone(bus, daemon):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.real
 def test_emulated_bus_ends_cleanly(tmp_path, number):
     bus = EmulatedGimbal(tmp_path / "bus")
     assert bus.link.is_symlink()
@@ -206,12 +212,14 @@ def test_emulated_bus_ends_cleanly(tmp_path, number):
     assert not bus.link.is_symlink()
 
 
+@pytest.mark.real
 def test_emulated_bus_refuses_servos_it_does_not_know(tmp_path):
     done = orientd("sim", "dynamixel", "--link", tmp_path / "bus", "--servos", "1:mx28")
     assert done.returncode == 2
     assert "'1:mx28'" in done.stderr
 
 
+@pytest.mark.real
 def test_emulated_bus_leaves_files_alone(tmp_path):
     (tmp_path / "bus").write_text("mine")
     done = orientd("sim", "dynamixel", "--link", tmp_path / "bus")

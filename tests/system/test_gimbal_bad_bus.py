@@ -12,6 +12,8 @@ from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture
 def daemon(bus, tmp_path):

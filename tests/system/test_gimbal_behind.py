@@ -13,6 +13,8 @@ from orientd import connect
 
 pytest.importorskip("dynamixel_sdk")
 
+pytestmark = pytest.mark.world
+
 ORDER = (
     ('order = "ZYX"', 'order = "ZXY"'),
     ('name = "pitch"', 'name = "middle"'),

@@ -14,6 +14,8 @@ from orientd.protocol.reports import word
 
 pytest.importorskip("dynamixel_sdk")
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture
 def daemon(bus, tmp_path):

@@ -111,7 +111,6 @@ def test_a_tracked_target_inside_is_held_at_the_edge_and_reported(tmp_path):
     assert clearance(sent).min() >= -0.01
 
 
-@pytest.mark.real
 def test_a_gimbal_that_follows_keeps_out_with_its_axes(bus, tmp_path):
     pytest.importorskip("dynamixel_sdk")
     daemon = GimbalDaemon(tmp_path, bus.link)

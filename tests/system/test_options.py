@@ -114,7 +114,6 @@ def test_a_queued_motion_is_blended_by_at_most_what_is_given(daemon, tmp_path):
     assert 1e-3 < angle(daemon.sent()[begun:], corner).min() <= np.radians(5.0) + 1e-9
 
 
-@pytest.mark.real
 def test_emulated_servos_listen_at_the_line_speed_that_is_given(tmp_path, monkeypatch):
     sdk = pytest.importorskip("dynamixel_sdk")
     words = ("--baud", "57600", "--ideal", "--seed", "3", "--servos", "1:xm430")

@@ -100,6 +100,7 @@ class Port:
 
     def write(self, octets):
         self._check()
+        octets = bytes(octets)
         for reader in self._line.readers:
             reader.take(octets, time.monotonic())
         self._line.bus.receive(octets, time.monotonic_ns(), baud=self._baud)
