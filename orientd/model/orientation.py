@@ -31,7 +31,8 @@ def unit(q: Quaternion, tolerance: float) -> Read:
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     error = abs(norm - 1.0)
     if not error <= tolerance:
-        problem = f"norm must be 1 within {tolerance:g}, got {norm:.9g}; divide it by its norm"
+        step = "divide it by its norm" if 0.0 < norm < math.inf else "give a rotation"
+        problem = f"norm must be 1 within {tolerance:g}, got {norm:.9g}; {step}"
         raise RequestError("quaternion", problem)
     if error <= ROUNDING:
         return q, ""

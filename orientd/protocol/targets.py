@@ -108,12 +108,11 @@ def pose_problem(q: Quaternion, omega: Vector3 | None, position: Vector3 | None)
     size = math.sqrt(w * w + x * x + y * y + z * z)
     # Written so that a NaN is a problem.
     if not abs(size - 1.0) <= NORM_TOLERANCE:
-        expected = f"expected a quaternion of norm 1 within {NORM_TOLERANCE:g}, got norm {size:.9g}"
-        return f"{expected}; divide it by its norm" if 0.0 < size < math.inf else expected
+        return f"expected a quaternion of norm 1 within {NORM_TOLERANCE:g}, got norm {size:.9g}"
     if position is not None and not _is_within(position, MOST_METRES):
-        return f"expected a position within {MOST_METRES:g} m, got {position}; give metres"
+        return f"expected a position within {MOST_METRES:g} m, got {position}"
     if omega is not None and not _is_within(omega, MOST_RATE):
-        return f"expected an angular velocity within {MOST_RATE:g} rad/s, got {omega}; give rad/s"
+        return f"expected an angular velocity within {MOST_RATE:g} rad/s, got {omega}"
     return ""
 
 
@@ -135,14 +134,14 @@ def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
             raise RequestError("target.velocity_frame", "expected body or world")
     if message.HasField("position"):
         position = to_vector(message.position)
-    for field, parts in (
-        ("orientation", (q, None, None)),
-        ("position", (q, None, position)),
-        ("angular_velocity", (q, omega, None)),
+    for field, step, parts in (
+        ("orientation", "give a unit quaternion", (q, None, None)),
+        ("position", "give metres", (q, None, position)),
+        ("angular_velocity", "give rad/s", (q, omega, None)),
     ):
         problem = pose_problem(*parts)
         if problem:
-            raise RequestError(f"target.{field}", problem)
+            raise RequestError(f"target.{field}", f"{problem}; {step}")
     if omega is not None and message.velocity_frame == pb.FRAME_WORLD:
         omega = rotate_back(q, omega)
     life = message.time_to_live or TIME_TO_LIVE

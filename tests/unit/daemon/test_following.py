@@ -53,6 +53,7 @@ def test_a_stream_of_bad_targets_is_counted_and_told_once_in_a_while(clock):
         session.take(pb.TrackTarget())
         clock.s += 0.001
     problem = "target.orientation: expected a quaternion of norm 1 within 1e-06, got norm 0"
+    problem += "; give a unit quaternion"
     assert device.events == [f"a client's targets: {problem}"]
     clock.s += SPACING
     session.take(pb.TrackTarget())

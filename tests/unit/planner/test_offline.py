@@ -18,10 +18,18 @@ KEYS = Rotation.from_rotvec([[0, 0, 0], [0, 0.2, 0.5], [0.3, 0, 1]])
     [
         ({"turns": [1]}, "turns", "expected 2, one for each interval, got 1"),
         ({"turns": 1}, "turns", "expected 2, one for each interval, got 1"),
-        ({"turns": [0, 0.5]}, "keyframes[2].turns", "expected a whole number, got 0.5"),
+        (
+            {"turns": [0, 0.5]},
+            "keyframes[2].turns",
+            "expected a whole number, got 0.5; give a number such as 2",
+        ),
         ({"times": 5}, "times", "expected 3, one for each keyframe, got 5"),
         ({"times": [0, 1]}, "times", "expected 3, one for each keyframe, got 2"),
-        ({"positions": [1, 2, 3]}, "keyframes[0].position", "expected three numbers, got 1"),
+        (
+            {"positions": [1, 2, 3]},
+            "keyframes[0].position",
+            "expected three numbers, got 1; write them as [x, y, z]",
+        ),
     ],
 )
 def test_a_column_that_does_not_fit_is_named_with_what_came(given, field, problem):

@@ -65,9 +65,12 @@ def test_a_norm_within_tolerance_is_accepted_and_made_exact():
 @pytest.mark.parametrize(
     ("q", "problem"),
     [
-        ((1.002, 0, 0, 0), "norm must be 1 within 0.001, got 1.002"),
-        ((1, 0, 0), "expected four numbers w, x, y, z, got (1, 0, 0)"),
-        ("north", "expected {w: ..., x: ..., y: ..., z: ...}, got the text 'north'"),
+        ((1.002, 0, 0, 0), "norm must be 1 within 0.001, got 1.002; divide it by its norm"),
+        ((1, 0, 0), "expected four numbers w, x, y, z, got (1, 0, 0); give 4"),
+        (
+            "north",
+            "expected {w: ..., x: ..., y: ..., z: ...}, got the text 'north'; name the components",
+        ),
     ],
 )
 def test_an_orientation_that_is_none_is_named(q, problem):
@@ -78,7 +81,7 @@ def test_an_orientation_that_is_none_is_named(q, problem):
 def test_a_component_that_is_not_finite_is_named(part):
     assert refused((ONE[0], part, 0.0, 0.0)) == (
         "quaternion.x",
-        f"expected a finite number, got {part}",
+        f"expected a finite number, got {part}; give a number such as 1.5",
     )
 
 
@@ -135,7 +138,7 @@ def test_a_velocity_that_is_none_is_named(name, velocity):
 def test_the_velocity_frame_is_body_or_world():
     field, problem = refusal(Keyframe(ONE), Keyframe(TWO), velocity_frame="tool")
     assert field == "velocity_frame"
-    assert problem == "expected 'body' or 'world', got the text 'tool'"
+    assert problem == "expected 'body' or 'world', got the text 'tool'; give one of them"
 
 
 def test_world_velocities_are_turned_into_the_frame_of_their_keyframe():
