@@ -52,14 +52,15 @@ def free_port():
 def until(condition, what, seconds=30.0):
     """Wait until *condition* returns a true value, and return it.
 
-    The timeout is long because a process on a busy machine may wait for seconds.
+    The timeout is long because a process on a busy machine may wait for seconds.  The longer it
+    takes, the less often this looks: each look costs both sides time.
     """
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    begun = time.monotonic()
+    while (waited := time.monotonic() - begun) < seconds:
         found = condition()
         if found:
             return found
-        time.sleep(0.002)
+        time.sleep(min(0.01, 0.002 + 0.01 * waited))
     raise AssertionError(f"{what}: not within {seconds} s")
 
 

@@ -24,6 +24,8 @@ from alpaca import discovery, exceptions, management
 from alpaca.rotator import Rotator
 from alpaca.telescope import Telescope, TelescopeAxes
 
+pytestmark = pytest.mark.world
+
 PRIMARY, SECONDARY = TelescopeAxes.axisPrimary, TelescopeAxes.axisSecondary
 TERTIARY = TelescopeAxes.axisTertiary
 PARK = b"PUT /api/v1/telescope/0/park HTTP/1.1\r\nContent-Length: "
@@ -327,6 +329,7 @@ def test_two_clients_are_connected_for_themselves(served):
 # ---------------------------------------------------------------- a gimbal with limits
 
 
+@pytest.mark.real
 def test_an_azimuth_beyond_the_limit_is_reached_the_other_way_round(bus, tmp_path):
     pytest.importorskip("dynamixel_sdk")
     daemon = GimbalDaemon(tmp_path, bus.link).start()
@@ -472,6 +475,7 @@ def test_a_server_forgets_the_clients_that_were_silent_for_longest(served):
     assert is_connected(40)
 
 
+@pytest.mark.real
 def test_a_server_without_descriptors_hangs_up_and_goes_on(daemon):
     with alpaca(daemon) as served, http_connection(served) as connection:
 
@@ -539,6 +543,7 @@ def malformed(generator):
     return verb, f"/api/v1/{kind}/{device}/{member}", urlencode(fields)
 
 
+@pytest.mark.real
 def test_ten_thousand_malformed_requests_change_nothing(served, daemon):
     generator = random.Random(11)
     before, direction = daemon.device().motion_number, served.direction()
@@ -631,6 +636,7 @@ def test_its_end_brings_a_tracking_device_to_rest(daemon, number):
         assert daemon.device().state == pb.STATE_HOLDING
 
 
+@pytest.mark.real
 def test_a_restart_of_the_daemon_needs_no_restart_of_the_server(tmp_path):
     with DaemonProcess(tmp_path / "daemon") as daemon:
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))

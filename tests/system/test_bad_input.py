@@ -19,6 +19,8 @@ import orientd as package
 from orientd.errors import OrientdError, RequestError
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 UPRIGHT = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}
 TURNED = {"rotation_vector": [0, 0, 0.5]}
 
@@ -369,6 +371,7 @@ sys.meta_path.insert(0, Interrupt())
 """
 
 
+@pytest.mark.real
 def test_ctrl_c_while_a_class_is_made_is_no_death_by_a_signal(tmp_path):
     (tmp_path / "sitecustomize.py").write_text(INTERRUPTED_WITHIN_CODE_OF_A_STRING)
     done = orientd("status", env=environment(PYTHONPATH=str(tmp_path)))
@@ -429,6 +432,7 @@ def test_a_signal_to_a_move_stops_the_motion_on_its_path(daemon, tmp_path, numbe
     assert not list(daemon.socket.parent.glob("control.sock.lease*"))
 
 
+@pytest.mark.real
 def test_ctrl_c_twice_ends_a_move_with_its_exit_status(daemon, tmp_path):
     turn = {"rotation_vector": [0, 0.4, 1], "time": 20}
     path = write(tmp_path, motion({"rotation_vector": [0, 0, 0.2], "time": 0}, turn, approach=True))
@@ -448,6 +452,7 @@ def test_ctrl_c_twice_ends_a_move_with_its_exit_status(daemon, tmp_path):
     assert line.startswith("orientd: motion ")
 
 
+@pytest.mark.real
 def test_whoever_has_read_enough_hears_no_complaint(tmp_path):
     path = write(tmp_path, motion(UPRIGHT, TURNED))
     process = begin("plan", path)

@@ -29,6 +29,8 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from orientd import connect
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture(scope="module")
 def served(daemon):

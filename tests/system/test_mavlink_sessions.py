@@ -31,6 +31,8 @@ from orientd import connect
 from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
 
+pytestmark = pytest.mark.world
+
 PITCH_YAW = mavlink.MAVLink_gimbal_manager_set_pitchyaw_message
 ATTITUDE = mavlink.MAVLink_gimbal_manager_set_attitude_message
 COMMAND = mavlink.MAVLink_command_long_message
@@ -101,6 +103,7 @@ def sdk(gimbal_daemon):
         found.sdk.destroy()
 
 
+@pytest.mark.real
 def test_mavsdk_commands_a_gimbal_a_hundred_times(sdk, gimbal_daemon):
     assert (sdk.item.vendor_name, sdk.item.model_name) == ("orientd", "dynamixel")
     assert sdk.item.custom_name == "gimbal"
@@ -171,6 +174,7 @@ def test_the_messages_of_qgroundcontrol_in_their_order(daemon):
         assert station.status().primary_control_sysid == 0
 
 
+@pytest.mark.real
 def test_retract_turns_every_axis_back_to_zero(gimbal_daemon):
     with gimbal(gimbal_daemon.socket) as station:
         station.take_control()
@@ -189,6 +193,7 @@ def test_retract_turns_every_axis_back_to_zero(gimbal_daemon):
         station.await_attitude(0, 0, 10)
 
 
+@pytest.mark.real
 def test_information_has_ranges_and_capabilities(gimbal_daemon):
     with gimbal(gimbal_daemon.socket) as station:
         request = mavlink.MAV_CMD_REQUEST_MESSAGE

@@ -22,6 +22,8 @@ from mavlink_station import (
 )
 from pymavlink.dialects.v20 import common as mavlink
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture(scope="module")
 def served(daemon):

@@ -15,6 +15,8 @@ from rotator import Client, rotctld
 from orientd.client import connect
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 needs_hamlib = pytest.mark.skipif(
     shutil.which("rotctl") is None, reason="rotctl of Hamlib is not installed"
 )
@@ -217,6 +219,7 @@ def test_a_server_has_so_many_clients_and_no_more(daemon):
         until(lambda: is_served(client.port), "another client to be served")
 
 
+@pytest.mark.real
 def test_a_server_without_descriptors_hangs_up_and_goes_on(daemon):
     with rotctld(daemon) as client:
         client.position()

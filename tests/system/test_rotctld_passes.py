@@ -16,6 +16,8 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import rotate
 
+pytestmark = pytest.mark.world
+
 PERIOD = 0.002
 """Of the device, s."""
 

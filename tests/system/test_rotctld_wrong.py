@@ -6,6 +6,8 @@ import pytest
 from harness import Lines
 from rotator import Client, rotctld
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture(scope="module")
 def served(daemon):

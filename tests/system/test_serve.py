@@ -11,6 +11,8 @@ from harness import DEVICE
 from orientd.client import connect
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 
 def test_a_daemon_that_is_not_there_is_one_clear_line(tmp_path):
     done = orientd("serve", "rotctld", "--port", 0, "--socket", tmp_path / "none.sock")

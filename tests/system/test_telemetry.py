@@ -10,6 +10,8 @@ from harness import DEVICE, DaemonProcess, nudge, until
 
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 pytest.importorskip("prometheus_client")
 
 
@@ -49,6 +51,7 @@ def test_what_a_motion_did_is_counted(daemon):
     assert 0.0 <= float(found[f'orientd_cycle_success_ratio{{device="{DEVICE}"}}']) <= 1.0
 
 
+@pytest.mark.real
 def test_the_story_of_a_motion_is_found_by_its_id(daemon):
     *_, last = daemon.move(nudge(0.1))
     number, motion_id = daemon.started.motion_number, daemon.started.plan.motion_id
@@ -67,6 +70,7 @@ def test_the_story_of_a_motion_is_found_by_its_id(daemon):
     assert any(one.get("identity", "").startswith("user:") for one in told)
 
 
+@pytest.mark.real
 def test_a_motion_is_called_by_its_name_in_reports_in_the_log_and_in_events(daemon):
     motion = nudge(0.2)
     motion.name = "fetch"

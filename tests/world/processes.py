@@ -158,12 +158,13 @@ class World:
         pipes: by the numbers that stand for their descriptors.
         lines: serial lines.
         network: sockets.
+        sockets: tasks that wait for sockets.
     """
 
     def __init__(self, scheduler):
         self.scheduler, self.listeners, self.pipes = scheduler, {}, {}
         self.lines, self.network = SerialLines(scheduler), Network(scheduler)
-        self._processes, self._parents = {}, {}
+        self._processes, self._parents, self.sockets = {}, {}, None
 
     def add(self, process):
         """Add a process, whose parent is the present one."""

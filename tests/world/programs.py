@@ -7,6 +7,7 @@ the place of the test's while one of its tasks runs.
 from __future__ import annotations
 
 import _thread
+import asyncio
 import concurrent.futures.thread  # noqa: F401 - the locks of a module that a world loads are its
 import contextlib
 import functools
@@ -21,6 +22,7 @@ from pathlib import Path
 import click
 from processes import Process
 from virtual_pipes import Pipe, reader, writer
+from virtual_time import VirtualLoop
 
 from orientd.cli import interrupts, start
 from orientd.cli.commands import track
@@ -125,8 +127,13 @@ class Program(Process):
         handler = self._signals.get(number, signal.SIG_DFL)
         if handler == signal.SIG_DFL or number == signal.SIGKILL:
             self.end(-number)
-        elif handler != signal.SIG_IGN:
-            self._scheduler.interrupt(self._main, lambda: handler(number, None))
+        else:
+            self._scheduler.interrupt(self._main, functools.partial(self._handle, number))
+
+    def _handle(self, number):
+        handler = self._signals.get(number, signal.SIG_DFL)
+        if handler not in (signal.SIG_DFL, signal.SIG_IGN):
+            handler(number, None)
 
     # What tests call
 
@@ -189,6 +196,12 @@ def of_programs(world):
     def begin_thread(work, given):
         world.scheduler.spawn(functools.partial(work, *given), "thread")
 
+    def new_loop():
+        loop, present = VirtualLoop(world.scheduler), world.present()
+        if present is not None:
+            present.at_end(loop.abandon)
+        return loop
+
     def leave(status):
         raise SystemExit(status)
 
@@ -239,6 +252,7 @@ def of_programs(world):
         (interrupts, "_wake", lambda *_: None),
         (_thread, "interrupt_main", interrupt_main),
         (_thread, "start_new_thread", begin_thread),
+        (asyncio.events, "new_event_loop", new_loop),
         (os, "_exit", leave),
         (os, "read", read),
         (os, "write", write),

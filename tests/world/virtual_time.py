@@ -16,6 +16,7 @@ import logging
 import math
 import queue
 import random
+import selectors
 import signal
 import threading
 import time
@@ -275,21 +276,39 @@ class VirtualThread:
             scheduler.wait(until_ns)
 
 
-class _Selector:
-    """The selector of an event loop."""
+class Selector(selectors.PollSelector):
+    """The selector of an event loop.
+
+    Attributes:
+        sockets: tasks that wait for sockets.
+    """
+
+    sockets = None
 
     def __init__(self, scheduler):
+        super().__init__()
         self._scheduler, self._task, self._is_woken = scheduler, None, False
 
-    def select(self, timeout):
-        if not self._is_woken and timeout != 0:
-            scheduler = self._scheduler
-            self._task = scheduler.current()
-            until_ns = None if timeout is None else scheduler.now_ns + math.ceil(timeout * 1e9)
-            scheduler.wait(until_ns)
-            self._task = None
+    def select(self, timeout=None):
+        scheduler = self._scheduler
+        until_ns = None if timeout is None else scheduler.now_ns + math.ceil(timeout * 1e9)
+        while True:
+            ready = super().select(0) if self.get_map() else []
+            if ready or self._is_woken or (until_ns is not None and scheduler.now_ns >= until_ns):
+                break
+            self._wait(until_ns)
         self._is_woken = False
-        return ()
+        return ready
+
+    def _wait(self, until_ns):
+        self._task = self._scheduler.current()
+        try:
+            if self.get_map():
+                self.sockets.wait(until_ns)
+            else:
+                self._scheduler.wait(until_ns)
+        finally:
+            self._task = None
 
     def wake(self):
         self._is_woken = True
@@ -297,12 +316,12 @@ class _Selector:
             self._scheduler.wake(self._task)
 
 
-class VirtualLoop(asyncio.BaseEventLoop):
-    """An event loop without sockets, in virtual time."""
+class VirtualLoop(asyncio.SelectorEventLoop):
+    """An event loop in virtual time."""
 
     def __init__(self, scheduler):
-        super().__init__()
-        self._scheduler, self._selector = scheduler, _Selector(scheduler)
+        self._scheduler = scheduler
+        super().__init__(Selector(scheduler))
 
     def time(self):
         return self._scheduler.now_ns * 1e-9
@@ -318,11 +337,15 @@ class VirtualLoop(asyncio.BaseEventLoop):
     def remove_signal_handler(self, number):
         signal.signal(number, signal.SIG_DFL)
 
-    def _process_events(self, events):
+    def _make_self_pipe(self):
+        pass
+
+    def _close_self_pipe(self):
         pass
 
     def _write_to_self(self):
-        self._selector.wake()
+        if self._selector is not None:
+            self._selector.wake()
 
 
 @contextlib.contextmanager

@@ -24,6 +24,7 @@ from planners import of_planners
 from processes import World, of_servos, written
 from programs import of_programs
 from serial_lines import of_serial_lines
+from sockets import of_sockets
 from stop_sockets import of_stop_sockets
 from virtual_time import Scheduler, VirtualThread, virtual_time
 
@@ -121,6 +122,7 @@ def running(world):
         *of_serial_lines(world.lines),
         *of_robots(world.network),
         *of_judges(scheduler),
+        *of_sockets(world),
     ]
     look_up(os.geteuid()).result()  # threads of its own find the names of users
     level = logging.root.level
