@@ -24,6 +24,8 @@ TESTS = (
     *("tests/unit/planner/test_certified.py", "tests/unit/planner/test_quickest.py"),
 )
 CASES = os.environ.get("ORIENTD_CASES", "2000")
+SLOW = 600
+"""Longest time of a test with the sanitizers, s."""
 
 
 def main() -> None:
@@ -54,7 +56,8 @@ def main() -> None:
         "ORIENTD_FUZZ_LOG": str(COPY / "fuzz.log"),
     }
     run([sys.executable, FUZZ, CASES, "1"], checked)
-    run([sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *TESTS], checked)
+    options = ("-q", "-x", "-p", "no:cacheprovider", f"--timeout={SLOW}")
+    run([sys.executable, "-m", "pytest", *options, *TESTS], checked)
 
 
 def runtime_of(compiler: str) -> str | None:
