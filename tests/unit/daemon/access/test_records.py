@@ -1,6 +1,8 @@
 """The audit log, and what it tells of requests."""
 
+import fcntl
 import json
+import threading
 import time
 
 import pytest
@@ -92,6 +94,24 @@ def test_records_of_the_audit_log_are_on_the_disk_once_none_waits(tmp_path, monk
     assert len(left) > 3
     lines = b"".join(left.values()).splitlines()
     assert sorted(json.loads(line)["number"] for line in lines) == list(range(100))
+
+
+def test_records_that_wait_at_the_end_are_on_the_disk_once_the_audit_log_is_closed(
+    tmp_path, monkeypatch
+):
+    """Another daemon holds the file until the end has been asked for."""
+    disk = Disk(monkeypatch, tmp_path)
+    log = AuditLog(tmp_path / "audit.jsonl", most_bytes=2000, most_files=3)
+    with (tmp_path / "audit.jsonl.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for number in range(3):
+            log.record(number=number)
+        closing = threading.Thread(target=log.close)
+        closing.start()
+        time.sleep(0.1)
+    closing.join()
+    kept = disk.after_power_cut()["audit.jsonl"].splitlines()
+    assert [json.loads(line)["number"] for line in kept] == [0, 1, 2]
 
 
 def test_an_idle_audit_log_keeps_its_last_record_without_being_closed(tmp_path, monkeypatch):
