@@ -234,7 +234,8 @@ def test_faults_that_follow_each_other_within_a_second_leave_one_file(tmp_path):
         time.sleep(0.5)  # in which there are cycles to record
         for _ in range(3):
             fail()
-        time.sleep(2.5)
+        until(lambda: flight_files(daemon), "the file of the first fault")
+        time.sleep(2.0)
         assert len(flight_files(daemon)) == 1
         fail()
         until(lambda: len(flight_files(daemon)) == 2, "the file of a later fault")
