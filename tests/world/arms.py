@@ -245,9 +245,11 @@ class RTDEControlInterface:
 class RobotProcess(Process):
     """An emulated robot: its server, in a task of this world."""
 
-    def __init__(self, scheduler, host, behaviour):
+    def __init__(self, world, host, behaviour):
+        scheduler = world.scheduler
         super().__init__(scheduler, "robot")
         self._server, self.problem = None, ""
+        world.add(self)
         scheduler.spawn(lambda: self._serve(host, behaviour), "robot", self.group)
         while self._server is None and not self.problem:
             scheduler.sleep(POLL)
@@ -265,16 +267,20 @@ class RobotProcess(Process):
         return b"", b""
 
     def _receive(self, number):
-        super()._receive(number)
+        task = self._scheduler.current()
+        is_own = task is not None and task.group == self.group
         self._server.close()
+        super()._receive(number)
+        if is_own:
+            self._scheduler.hub.switch()  # whoever kills itself does not go on
 
 
-def _start(scheduler, robot):
+def _start(world, robot):
     """Start an emulated robot, in place of :meth:`EmulatedRobot.start`."""
     found = []
 
     def serve(host, behaviour, lifeline):
-        found.append(RobotProcess(scheduler, host, behaviour))
+        found.append(RobotProcess(world, host, behaviour))
 
     words = ["emulated-ur", "--host", robot.host, *robot._options]
     with mock.patch.object(program, "serve", serve), mock.patch.object(sys, "argv", words):
@@ -285,8 +291,9 @@ def _start(scheduler, robot):
     return robot
 
 
-def of_robots(network):
+def of_robots(world):
     """Return what drivers, tests and the emulator find in a world."""
+    network = world.network
     library = {
         "rtde_receive": SimpleNamespace(RTDEReceiveInterface=RTDEReceiveInterface),
         "rtde_control": SimpleNamespace(RTDEControlInterface=RTDEControlInterface),
@@ -299,7 +306,7 @@ def of_robots(network):
     users = (emulated_server, emulated_connection, emulated_process, wire)
     return [
         (Session, "network", network),
-        (EmulatedRobot, "start", lambda robot: _start(network.scheduler, robot)),
+        (EmulatedRobot, "start", lambda robot: _start(world, robot)),
         (emulated_server, "select", network),
         (link, "importlib", modules),
         (link, "send_at_once", lambda _address: frozenset()),

@@ -120,7 +120,7 @@ def running(world):
         *of_planners(world),
         *of_programs(world),
         *of_serial_lines(world.lines),
-        *of_robots(world.network),
+        *of_robots(world),
         *of_judges(scheduler),
         *of_sockets(world),
     ]

@@ -14,7 +14,6 @@ pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.world
 
 
-@pytest.mark.slow
 def test_motion_is_followed_to_its_end(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device, seconds=1.2)
@@ -27,10 +26,10 @@ def test_motion_is_followed_to_its_end(ur_robot):
     ("order", "release", "words"),
     [
         ("protective_stop", "", "protective stop"),
-        pytest.param("emergency_stop", "release", "emergency stop", marks=pytest.mark.slow),
+        ("emergency_stop", "release", "emergency stop"),
         ("safeguard", "release", "safeguard"),
-        pytest.param("stop", "", "control program was stopped", marks=pytest.mark.slow),
-        pytest.param("pause", "", "control program is paused", marks=pytest.mark.slow),
+        ("stop", "", "control program was stopped"),
+        ("pause", "", "control program is paused"),
     ],
 )
 def test_stop_is_a_device_fault_and_reset_moves_the_arm_again(ur_robot, order, release, words):
@@ -47,7 +46,6 @@ def test_stop_is_a_device_fault_and_reset_moves_the_arm_again(ur_robot, order, r
         recover(device)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("leaves", ["playing", "stopped"])
 def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leaves):
     robot = EmulatedRobot(ur_host, "--unlock-after", "0.3", "--protective-stop-leaves", leaves)
@@ -61,7 +59,6 @@ def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leav
         recover(device)
 
 
-@pytest.mark.slow
 def test_joint_over_its_limit_is_a_protective_stop(ur_robot):
     with device_of(ur_robot.host) as device:
         for joint in range(1, 7):
@@ -80,7 +77,6 @@ def test_reset_says_which_hand_is_needed(ur_robot):
             device.reset()
 
 
-@pytest.mark.slow
 def test_safety_violation_needs_the_safety_system_restarted_and_is_then_recovered_from(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device)
@@ -135,7 +131,6 @@ def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
         recover(device)
 
 
-@pytest.mark.slow
 def test_short_freeze_costs_no_process(ur_robot):
     with device_of(ur_robot.host, feedback_timeout=0.1, link_timeout=1.5) as device:
         pid = device.snapshot().servo_pid
@@ -151,8 +146,8 @@ def test_short_freeze_costs_no_process(ur_robot):
     "what",
     [
         "control",
-        pytest.param("receive", marks=pytest.mark.slow),
-        pytest.param("rtde", marks=pytest.mark.slow),
+        "receive",
+        "rtde",
     ],
 )
 def test_closed_connection_is_a_lost_link(ur_robot, what):
@@ -165,7 +160,6 @@ def test_closed_connection_is_a_lost_link(ur_robot, what):
         recover(device)
 
 
-@pytest.mark.slow
 def test_dead_controller_is_a_lost_link_and_the_next_one_is_found(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device)
@@ -229,7 +223,6 @@ def test_upper_registers_work_beside_a_client_with_the_lower_ones(ur_robot):
             assert device.snapshot().fault is Fault.NONE
 
 
-@pytest.mark.slow
 def test_silent_controller_is_named_when_opening(ur_robot):
     ur_robot.ask("silence")
     settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
@@ -242,7 +235,6 @@ def test_silent_controller_is_named_when_opening(ur_robot):
         device.shutdown()
 
 
-@pytest.mark.slow
 def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):
     with device_of(ur_robot.host) as device:
         ur_robot.ask("slider 0.5")
@@ -253,7 +245,6 @@ def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):
         until(lambda: is_holding(device), "the end")
 
 
-@pytest.mark.slow
 def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
     other_host = ur_robot.host.rsplit(".", 1)[0] + ".253"
     with (
@@ -271,7 +262,6 @@ def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
         assert second.snapshot().motion_number == queued.number
 
 
-@pytest.mark.slow
 def test_reset_after_a_lost_link_unlocks_a_protective_stop_too(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device)

@@ -171,7 +171,6 @@ def test_program_that_somebody_stopped_is_said_to_have_been_stopped(ur_robot):
         driver.close()
 
 
-@pytest.mark.slow
 def test_servo_that_stood_still_says_so(ur_robot):
     with device_of(ur_robot.host, watchdog_hz=10.0) as device:
         swing(device)
