@@ -36,8 +36,8 @@ from orientd.daemon.observe import flight_recorder
 _KILL = os.kill
 
 STEP_NS = 50_000_000
-LONGEST_NS = 200_000_000_000
-"""Virtual time of a test."""
+LONGEST = 200.0
+"""Virtual time of a test without a mark ``timeout``, s."""
 
 
 class _Timer:
@@ -133,6 +133,12 @@ def running(world):
         yield
 
 
+def longest_of(item):
+    """Return the virtual time that a test may take, s."""
+    mark = item.get_closest_marker("timeout")
+    return LONGEST if mark is None else max(LONGEST, mark.args[0])
+
+
 class VirtualRunner:
     """Run tests as tasks of a world; those of a module share one."""
 
@@ -146,13 +152,14 @@ class VirtualRunner:
             self._world, self._module = World(Scheduler(f"{self._seed} {module}")), module
         scheduler = self._world.scheduler
         with running(self._world):
-            ends_ns = scheduler.now_ns + LONGEST_NS
+            longest_ns = round(longest_of(item) * 1e9)
+            ends_ns = scheduler.now_ns + longest_ns
             work = functools.partial(runtestprotocol, item, nextitem=nextitem)
             task = scheduler.spawn(work, item.nodeid, "test")
             while not task.is_over:
                 if not scheduler.is_busy or scheduler.now_ns > ends_ns:
                     scheduler.fail(task, "nothing happens any more")
-                    ends_ns += LONGEST_NS
+                    ends_ns += longest_ns
                 scheduler.run(scheduler.now_ns + STEP_NS)
         if nextitem is None:
             self._world = None
@@ -161,7 +168,7 @@ class VirtualRunner:
 
 
 def report_problems(item, problems):
-    """Report what tasks ended by as an error of the test."""
+    """Report what tasks ended by, and what a judge found, as an error of the test."""
 
     def fail():
         raise AssertionError("\n".join(problems))
