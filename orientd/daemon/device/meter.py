@@ -77,8 +77,15 @@ class LedSetpoints:
         self._q: list[Quaternion] = []
 
     def gap(self, cycle: Cycle) -> float:
-        """Return the angle between the feedback of the next cycle and its setpoint, rad."""
+        """Return the angle between the feedback of the next cycle and its setpoint, rad.
+
+        It is 0 in a cycle without a setpoint: before the device is enabled, nothing leads it.
+        """
         times_ns, q = self._times_ns, self._q
+        if not cycle.flags & CycleFlag.WRITTEN:
+            times_ns.clear()
+            q.clear()
+            return 0.0
         if not times_ns:
             times_ns.append(cycle.deadline_ns - 1)
             q.append(cycle.q)

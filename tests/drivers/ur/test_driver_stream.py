@@ -140,8 +140,6 @@ def check_leading(robot, *, factor):
     return found
 
 
-@pytest.mark.slow  # on a busy machine the emulated arm lags by what it had to wait
-@pytest.mark.real
 def test_leading_by_the_identified_latency_removes_four_fifths_of_the_tracking_error(ur_robot):
     found = check_leading(ur_robot, factor=5.0)
     # The model's lookahead and drive, and the way there and back.
