@@ -118,6 +118,8 @@ class Program(Process):
             status = error.code if isinstance(error.code, int) else int(error.code is not None)
         except KeyboardInterrupt:
             status = -signal.SIGINT
+        for handler in list(logging.root.handlers):
+            handler.close()  # as the interpreter does at its end
         for stream in (sys.stdout, sys.stderr):
             if not stream.closed:
                 stream.flush()
