@@ -38,7 +38,7 @@ class KeepOutCones:
         self,
         cones: Sequence[KeepOut],
         period: float,
-        unix_ns: Callable[[], int] = time.time_ns,
+        unix_ns: Callable[[], int] = lambda: time.time_ns(),
     ) -> None:
         """Create it for one :meth:`tick` per *period* seconds; *unix_ns* is the wall clock."""
         self.cones = tuple(cones)

@@ -177,86 +177,30 @@ class _Stream:
         self._call.take(self._deserialize(content))
 
 
-class Call(grpc.Call):
-    """One call: its answers as they come, and its end.
+class Answers(grpc.Call):
+    """The answers of a call as they come, and its end.
 
     Attributes:
         is_over: whether it has ended.
     """
 
-    def __init__(self, world, connection, timeout):
-        self._scheduler, self._connection = world.scheduler, connection
+    def __init__(self, scheduler):
+        self._scheduler, self._error, self.is_over = scheduler, None, False
         self._answers, self._waiting, self._callbacks = deque(), [], []
-        self._error, self._future = None, None
-        self.is_over = False
-        if timeout is not None:
-            self._scheduler.spawn(lambda: self._expire(timeout), "deadline")
-
-    def begin(self, path, given, kinds):
-        """Have the daemon serve a call of the full name *path*, with the serialised *given*."""
-        connection = self._connection
-        if connection is None:
-            self.end(CallError(grpc.StatusCode.UNAVAILABLE, "failed to connect: no daemon"))
-            return
-        connection.calls[self] = None
-        serving = self._serve(path, given, *kinds)
-        self._future = asyncio.run_coroutine_threadsafe(serving, connection.loop)
-
-    async def _serve(self, path, given, is_one, deserialize):
-        try:
-            await asyncio.sleep(self._scheduler.random.uniform(*LATENCY))
-            route = self._connection.route(path)
-            if route is None:
-                raise CallError(grpc.StatusCode.UNIMPLEMENTED, "Method not found")
-            requests = asyncio.Queue()
-            if is_one:
-                for request in (*given, None):
-                    requests.put_nowait(request)
-            else:
-                self._scheduler.spawn(lambda: self._feed(given, requests), "requests")
-            stream = _Stream(self, route.request_type.FromString, deserialize, requests)
-            await route.func(stream)
-        except BaseException as error:
-            self.end(_error_of(error))
-            if isinstance(error, asyncio.CancelledError):
-                raise
-        self.end(None)
-
-    def _feed(self, given, requests):
-        put = self._connection.loop.call_soon_threadsafe
-        for request in given:
-            if self.is_over:
-                return
-            put(requests.put_nowait, request)
-        if not self.is_over:
-            put(requests.put_nowait, None)
 
     def take(self, answer):
         """Take an answer."""
         self._answers.append(answer)
         self._wake()
 
-    def _expire(self, timeout):
-        self._scheduler.sleep(timeout)
-        self.cancel(CallError(grpc.StatusCode.DEADLINE_EXCEEDED, "Deadline Exceeded"))
-
     def end(self, error):
         """End with an error, or with none."""
         if self.is_over:
             return
         self._error, self.is_over = error, True
-        if self._connection is not None:
-            self._connection.calls.pop(self, None)
         for callback in self._callbacks:
             callback()
         self._wake()
-
-    def cancel(self, error=None):
-        if not self.is_over:
-            self.end(error or _error_of(asyncio.CancelledError()))
-            if self._future is not None and not self._connection.loop.is_closed():
-                self._connection.loop.call_soon_threadsafe(self._future.cancel)
-        return True
 
     def _wake(self):
         for task in self._waiting:
@@ -323,6 +267,72 @@ class Call(grpc.Call):
 
     def trailing_metadata(self):
         return ()
+
+
+class Call(Answers):
+    """One call, which the daemon serves."""
+
+    def __init__(self, world, connection, timeout):
+        super().__init__(world.scheduler)
+        self._connection, self._future = connection, None
+        if timeout is not None:
+            self._scheduler.spawn(lambda: self._expire(timeout), "deadline")
+
+    def begin(self, path, given, kinds):
+        """Have the daemon serve a call of the full name *path*, with the serialised *given*."""
+        connection = self._connection
+        if connection is None:
+            self.end(CallError(grpc.StatusCode.UNAVAILABLE, "failed to connect: no daemon"))
+            return
+        connection.calls[self] = None
+        serving = self._serve(path, given, *kinds)
+        self._future = asyncio.run_coroutine_threadsafe(serving, connection.loop)
+
+    async def _serve(self, path, given, is_one, deserialize):
+        try:
+            await asyncio.sleep(self._scheduler.random.uniform(*LATENCY))
+            route = self._connection.route(path)
+            if route is None:
+                raise CallError(grpc.StatusCode.UNIMPLEMENTED, "Method not found")
+            requests = asyncio.Queue()
+            if is_one:
+                for request in (*given, None):
+                    requests.put_nowait(request)
+            else:
+                self._scheduler.spawn(lambda: self._feed(given, requests), "requests")
+            stream = _Stream(self, route.request_type.FromString, deserialize, requests)
+            await route.func(stream)
+        except BaseException as error:
+            self.end(_error_of(error))
+            if isinstance(error, asyncio.CancelledError):
+                raise
+        self.end(None)
+
+    def _feed(self, given, requests):
+        put = self._connection.loop.call_soon_threadsafe
+        for request in given:
+            if self.is_over:
+                return
+            put(requests.put_nowait, request)
+        if not self.is_over:
+            put(requests.put_nowait, None)
+
+    def _expire(self, timeout):
+        self._scheduler.sleep(timeout)
+        self.cancel(CallError(grpc.StatusCode.DEADLINE_EXCEEDED, "Deadline Exceeded"))
+
+    def end(self, error):
+        """End with an error, or with none."""
+        if not self.is_over and self._connection is not None:
+            self._connection.calls.pop(self, None)
+        super().end(error)
+
+    def cancel(self, error=None):
+        if not self.is_over:
+            self.end(error or _error_of(asyncio.CancelledError()))
+            if self._future is not None and not self._connection.loop.is_closed():
+                self._connection.loop.call_soon_threadsafe(self._future.cancel)
+        return True
 
 
 class Channel:

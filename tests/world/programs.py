@@ -47,93 +47,106 @@ _REAL = {name: getattr(os, name) for name in ("read", "write", "chdir", "getcwd"
 _OPEN, _WRITER, _LOCK, _POPEN = open, log.writer, claim._lock, subprocess.Popen
 
 
-class Program(Process):
-    """A command that runs, as :class:`subprocess.Popen` has it."""
+class Own:
+    """What a process has for itself.
 
-    def __init__(self, world, args, **options):
-        super().__init__(world.scheduler, "command")
-        self.args, self._world = args, world
-        self._signals = {signal.SIGINT: signal.default_int_handler}
-        text = options.get("text") or options.get("encoding")
-        pipes = world.pipes
-        own = {}
-        for name, given in ((name, options.get(name)) for name in ("stdin", "stdout", "stderr")):
-            is_input = name == "stdin"
-            if given == subprocess.PIPE or (is_input and given is None):
-                pipe = Pipe(world.scheduler)
-                pipes[pipe.number] = pipe
-                ours, theirs = (writer, reader) if is_input else (reader, writer)
-                own[name] = theirs(pipe, is_text=True)
-                self.at_end(own[name].close)
-                if given is None:
-                    pipe.end()
-                else:
-                    setattr(self, name, ours(pipe, is_text=bool(text)))
-                    if world.present() is not None:
-                        world.present().at_end(getattr(self, name).close)
-            elif given == subprocess.STDOUT:
-                own[name] = own["stdout"]
+    Attributes:
+        ends: of the pipes to its standard streams, by name, for whoever has started it.
+    """
+
+    def __init__(self, world, process, args, options):
+        self._world, self._process, self.ends = world, process, {}
+        is_text = bool(options.get("text") or options.get("encoding"))
+        streams = {}
+        for name in ("stdin", "stdout", "stderr"):
+            given = options.get(name)
+            if given == subprocess.STDOUT:
+                streams[name] = streams["stdout"]
+            elif given == subprocess.PIPE:
+                streams[name] = self._piped(name, is_text)
             else:
-                own[name] = self._opened(given, is_input)
+                streams[name] = self._opened(given, "r" if name == "stdin" else "w")
         environment = options.get("env")
-        self._own = [
-            *own.values(),
-            ["orientd", *map(str, args[len(COMMAND) :])],
+        self._values = [
+            *streams.values(),
+            ["orientd", *args],
             ["default"],
             dict(os.environ if environment is None else environment),
             threading.local(),
             [],
         ]
         self._directory = str(options.get("cwd") or Path.cwd())
-        world.add(self)
-        world.scheduler.own[self.group] = self._exchange
-        self._main = world.scheduler.spawn(self._run, self.group, self.group)
 
-    def _opened(self, given, is_input):
-        """Return a stream of a real file."""
+    def _piped(self, name, is_text):
+        """Return the process' end of a pipe."""
+        pipe, parent = Pipe(self._world.scheduler), self._world.present()
+        self._world.pipes[pipe.number] = pipe
+        ours, theirs = (writer, reader) if name == "stdin" else (reader, writer)
+        own, self.ends[name] = theirs(pipe, is_text=True), ours(pipe, is_text=is_text)
+        self._process.at_end(own.close)
+        if parent is not None:
+            parent.at_end(self.ends[name].close)
+        return own
+
+    def _opened(self, given, mode):
+        """Return a stream of a real file; nothing is read from a test's own input."""
         if given is None or given == subprocess.DEVNULL:
-            stream = _OPEN(os.devnull, "r" if is_input else "w")
+            stream = _OPEN(os.devnull, mode)
         else:
-            descriptor = given if isinstance(given, int) else given.fileno()
-            stream = _OPEN(os.dup(descriptor), "r" if is_input else "w")
-        self.at_end(stream.close)
+            stream = _OPEN(os.dup(given if isinstance(given, int) else given.fileno()), mode)
+        self._process.at_end(stream.close)
         return stream
 
-    def _exchange(self):
-        """Exchange what the process has for itself for what is in its place."""
+    def exchange(self):
+        """Exchange it for what is in its place."""
         for place, (owner, name) in enumerate(_SHARED):
             present = getattr(owner, name)
-            setattr(owner, name, self._own[place])
-            self._own[place] = present
+            setattr(owner, name, self._values[place])
+            self._values[place] = present
         with contextlib.suppress(FileNotFoundError):  # its directory may be gone by now
             present = _REAL["getcwd"]()
             if present != self._directory:
                 _REAL["chdir"](self._directory)
                 self._directory = present
 
+
+class Program(Process):
+    """A command that runs, as :class:`subprocess.Popen` has it."""
+
+    def __init__(self, world, args, **options):
+        super().__init__(world.scheduler, "command")
+        self.args = args
+        self._signals = {signal.SIGINT: signal.default_int_handler}
+        own = Own(world, self, map(str, args[len(COMMAND) :]), options)
+        self.stdin, self.stdout, self.stderr = map(own.ends.get, ("stdin", "stdout", "stderr"))
+        world.add(self)
+        world.scheduler.own[self.group] = own.exchange
+        self._main = world.scheduler.spawn(self._run, self.group, self.group)
+
     def _run(self):
+        status = 1
         try:
             start.main()
         except SystemExit as error:
             status = error.code if isinstance(error.code, int) else int(error.code is not None)
         except KeyboardInterrupt:
             status = -signal.SIGINT
-        for handler in list(logging.root.handlers):
-            handler.close()  # as the interpreter does at its end
-        for stream in (sys.stdout, sys.stderr):
-            if not stream.closed:
-                stream.flush()
-        self.end(status)
+        finally:
+            for handler in list(logging.root.handlers):
+                handler.close()  # as the interpreter does at its end
+            for stream in (sys.stdout, sys.stderr):
+                if not stream.closed:
+                    stream.flush()
+            self.end(status)
 
     def _receive(self, number):
-        handler = self._signals.get(number, signal.SIG_DFL)
-        if handler == signal.SIG_DFL or number == signal.SIGKILL:
+        if self.handler(number) == signal.SIG_DFL or number == signal.SIGKILL:
             self.end(-number)
         else:
             self._scheduler.interrupt(self._main, functools.partial(self._handle, number))
 
     def _handle(self, number):
-        handler = self._signals.get(number, signal.SIG_DFL)
+        handler = self.handler(number)
         if handler not in (signal.SIG_DFL, signal.SIG_IGN):
             handler(number, None)
 

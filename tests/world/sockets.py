@@ -6,6 +6,7 @@ What one task sends is there before another looks: both ends are in this process
 from __future__ import annotations
 
 import errno
+import functools
 import math
 import select
 import selectors
@@ -54,6 +55,12 @@ class Waiting:
         return self._scheduler.now_ns + math.ceil(max(0.0, seconds) * 1e9)
 
 
+def _waiting(name):
+    """Return a method that waits until it would not block."""
+    really = getattr(socket.socket, name)
+    return lambda self, *given: self._await(functools.partial(really, self), *given)
+
+
 class VirtualSocket(socket.socket):
     """A socket; what would block waits in virtual time."""
 
@@ -95,20 +102,9 @@ class VirtualSocket(socket.socket):
                 waiting.wake()
                 return result
 
-    def accept(self):
-        return self._await(super().accept)
-
-    def recv(self, *given):
-        return self._await(super().recv, *given)
-
-    def recv_into(self, *given):
-        return self._await(super().recv_into, *given)
-
-    def recvfrom(self, *given):
-        return self._await(super().recvfrom, *given)
-
-    def recvmsg(self, *given):
-        return self._await(super().recvmsg, *given)
+    accept, recv, recv_into, recvfrom, recvmsg = map(
+        _waiting, ("accept", "recv", "recv_into", "recvfrom", "recvmsg")
+    )
 
     def send(self, *given):
         self._spend()

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 
+import grpc
 import harness
 import pytest
 from command_line import begin
@@ -67,6 +68,31 @@ def test_a_seed_repeats_to_the_bit_and_two_differ(tmp_path):
     first, again, other = lives
     assert first == again
     assert first != other
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_planner_that_is_killed_or_stands_still_is_replaced(tmp_path, number):
+    problems = []
+
+    def live():
+        daemon = DaemonProcess(tmp_path)
+        daemon.config.write_text(f"{daemon.config.read_text()}[planner]\nplan_timeout = 1.0\n")
+        with daemon:
+            process = daemon.process.pid
+            planners = harness.children(process) - {daemon.device().servo_pid}
+            for pid in planners:
+                os.kill(pid, number)
+            for _ in range(1 + len(planners)):
+                try:
+                    daemon.stub.Plan(pb.PlanRequest(motion=nudge(0.1)))
+                except grpc.RpcError as error:
+                    problems.append(error.code())
+            assert daemon.stub.Plan(pb.PlanRequest(motion=nudge(0.1))).plan.duration > 0.0
+            assert not planners & {pid for pid in planners if harness.is_alive(pid)}
+
+    run(World(Scheduler("a")), live)
+    late = grpc.StatusCode.DEADLINE_EXCEEDED
+    assert set(problems) == ({late} if number == signal.SIGSTOP else set())
 
 
 def test_a_test_that_waits_for_ever_fails_with_the_place_where_it_waits():

@@ -304,7 +304,7 @@ class _Call:
     method: Method
     rule: Rule
     caller: Caller
-    began: float = field(default_factory=time.monotonic)
+    began: float = field(default_factory=lambda: time.monotonic())
     asked: dict[str, Any] = field(default_factory=dict)
     result: dict[str, Any] = field(default_factory=dict)
 

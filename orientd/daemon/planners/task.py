@@ -68,8 +68,8 @@ class PlanCall:
     caller: str = ""
     timeout: float = 10.0
     rate_hz: float = 0.0
-    began: float = field(default_factory=time.monotonic)
-    unix_ns: int = field(default_factory=time.time_ns)
+    began: float = field(default_factory=lambda: time.monotonic())
+    unix_ns: int = field(default_factory=lambda: time.time_ns())
     waits: list[float] = field(default_factory=list)
 
     @contextlib.contextmanager
