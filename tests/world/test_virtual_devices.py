@@ -16,9 +16,9 @@ from orientd import connect
 
 
 def lives_of(life, folder):
-    """Return what three lives tell, two of them from one seed."""
+    """Return what lives tell, two of them from one seed."""
     found = []
-    for seed in ("a", "a", "b"):
+    for seed in ("a", "a", "b", "c", "d"):
         world, told = World(Scheduler(seed)), []
         folder.mkdir(exist_ok=True)
         run(world, lambda told=told: life(folder, told))
@@ -53,9 +53,10 @@ def arm_life(_folder, told):
 @pytest.mark.parametrize("life", [gimbal_life, arm_life])
 def test_a_seed_repeats_every_byte(life, tmp_path):
     pytest.importorskip("dynamixel_sdk")
-    first, again, other = lives_of(life, tmp_path / "life")
+    first, again, *others = lives_of(life, tmp_path / "life")
     assert first == again
-    assert life is arm_life or first != other
+    # The cycles of a bus are the same; the seed decides in which of them something happens.
+    assert life is arm_life or any(first != other for other in others)
 
 
 def test_connections_end_with_the_process_of_a_robot():
