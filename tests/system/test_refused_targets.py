@@ -17,6 +17,8 @@ from orientd.errors import DaemonError, OrientdError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd_diffusion_policy import RTDEInterpolationController
 
+pytestmark = pytest.mark.world
+
 IDENTITY = orientd.Quaternion(w=1, x=0, y=0, z=0)
 NO_POSE = orientd.Quaternion(w=math.nan, x=0, y=0, z=0)
 
@@ -174,6 +176,7 @@ def test_what_the_client_knows_to_be_wrong_is_refused_at_the_call(robot, wrong):
 POSE = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
 
 
+@pytest.mark.real
 def test_a_hundred_poses_are_played_as_several_chunks(robot):
     times, q = time.monotonic() + 0.2 + np.arange(100) / 50.0, ramp(100)
     with robot.play() as play:
@@ -319,7 +322,7 @@ def test_a_waypoint_of_another_clock_or_without_a_pose_is_refused_and_forgotten(
             controller.schedule_waypoint(pose, time.monotonic())
         with pytest.raises(RequestError, match=r"pose: expected finite numbers, got \[nan"):
             controller.schedule_waypoint([math.nan, *pose[1:]], time.time() + 0.1)
-        with pytest.raises(RequestError, match=r"times: expected at most 10 s ahead, got 1"):
+        with pytest.raises(RequestError, match=r"times: expected at most 10 s ahead, got (19|20)"):
             controller.schedule_waypoint(pose, time.time() + 20.0)
         with pytest.raises(RequestError, match=r"poses\[0\]: expected a position within 1000 m"):
             controller.schedule_waypoint([1e6, *pose[1:]], time.time() + 0.1)
