@@ -16,6 +16,7 @@ import math
 import os
 import struct
 import threading
+import weakref
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -41,9 +42,7 @@ class Turns:
         self._servos = servos
         self._records = [bytes(_RECORD.size)] * len(servos)
         self._kept = [math.inf] * len(servos)  # positions at the last sync, ticks
-        self._file = -1
-        self._thread: threading.Thread | None = None
-        self._is_due, self._is_closing = threading.Event(), False
+        self._file: _File | None = None
 
     def open(self) -> None:
         """Open the file, or create it.
@@ -55,11 +54,14 @@ class Turns:
             return
         try:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            self._file = _File(descriptor)
+            # A driver that is not closed leaves no thread behind.
+            weakref.finalize(self, self._file.end).atexit = False
             size = _RECORD.size * len(self._records)
-            kept = os.pread(self._file, size, 0).ljust(size, b"\0")
-            os.pwrite(self._file, kept, 0)  # reserves its space on the disk
-            os.fsync(self._file)
+            kept = os.pread(descriptor, size, 0).ljust(size, b"\0")
+            os.pwrite(descriptor, kept, 0)  # reserves its space on the disk
+            os.fsync(descriptor)
             _sync_folder(self.path.parent)
         except OSError as error:
             raise DeviceFaultError(
@@ -68,31 +70,13 @@ class Turns:
             ) from error
         self._records = [kept[at : at + _RECORD.size] for at in range(0, size, _RECORD.size)]
         self._kept = [math.inf] * len(self._records)
-        self._is_closing = False
-        self._thread = threading.Thread(target=self._sync, name="turns", daemon=True)
-        self._thread.start()
 
     def close(self) -> None:
         """Have the disk keep the file, and close it; never raises."""
-        if self._thread is not None:
-            self._is_closing = True
-            self._is_due.set()
-            self._thread.join()
-            self._thread = None
-        if self._file >= 0:
-            with suppress(OSError):
-                os.close(self._file)
-            self._file = -1
-
-    def _sync(self) -> None:
-        """Have the disk keep the file whenever that is due, the last time at its end."""
-        is_closing = False
-        while not is_closing:
-            self._is_due.wait()
-            self._is_due.clear()
-            is_closing = self._is_closing
-            with suppress(OSError):
-                os.fsync(self._file)
+        if self._file is not None:
+            self._file.end()
+            self._file.thread.join()
+            self._file = None
 
     def note(self, place: int, position: int) -> None:
         """Record the reported position of the servo of the axis at *place*, ticks."""
@@ -102,13 +86,13 @@ class Turns:
         record = _RECORD.pack(servo.options.id + 1, seen, forgotten)
         if record != self._records[place]:
             self._records[place] = record
-            if self._file >= 0:
+            if self._file is not None:
                 # Written to the kernel's memory in a few us, which survives any end of the process.
                 with suppress(OSError):
-                    os.pwrite(self._file, record, place * _RECORD.size)
+                    os.pwrite(self._file.descriptor, record, place * _RECORD.size)
                 if 2 * abs(seen - self._kept[place]) > servo.near:
                     self._kept[place] = seen
-                    self._is_due.set()
+                    self._file.is_due.set()
 
     def last(self, place: int) -> int | None:
         """Return the last known position of the servo of the axis at *place*, in its ticks.
@@ -146,6 +130,38 @@ class Turns:
                 )
         self.note(place, position)
         return ""
+
+
+class _File:
+    """An open file, and a thread that has the disk keep it.
+
+    Attributes:
+        descriptor: of the file; the thread closes it.
+        is_due: whether the disk is to keep what is written.
+        thread: ends once the file is closed.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        """Start the thread."""
+        self.descriptor, self.is_due, self._is_ending = descriptor, threading.Event(), False
+        self.thread = threading.Thread(target=self._sync, name="turns", daemon=True)
+        self.thread.start()
+
+    def end(self) -> None:
+        """Have the thread sync once more, close the file and end."""
+        self._is_ending = True
+        self.is_due.set()
+
+    def _sync(self) -> None:
+        is_ending = False
+        while not is_ending:
+            self.is_due.wait()
+            self.is_due.clear()
+            is_ending = self._is_ending
+            with suppress(OSError):
+                os.fsync(self.descriptor)
+        with suppress(OSError):
+            os.close(self.descriptor)
 
 
 def _sync_folder(folder: Path) -> None:

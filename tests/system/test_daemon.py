@@ -174,7 +174,7 @@ def test_a_daemon_that_is_told_to_end_while_it_plans_ends(tmp_path):
         with pytest.raises(grpc.RpcError) as caught:
             plan.result(timeout=20)
         assert caught.value.details() == "the daemon is going down"
-        assert daemon.end() == 0
+        assert daemon.process.wait(30.0) == 0
         assert "Traceback" not in log(daemon)
 
 

@@ -1,7 +1,9 @@
 """What outlives a loss of power: files as a disk keeps them that loses all that was not synced."""
 
+import gc
 import json
 import math
+import threading
 import time
 
 import pytest
@@ -124,3 +126,12 @@ def test_an_axis_that_stands_still_costs_the_disk_nothing(disk, tmp_path):
     time.sleep(0.05)
     assert len(disk.seen) == before
     turns.close()
+
+
+def test_turns_that_nobody_closes_leave_no_thread(tmp_path):
+    before = set(threading.enumerate())
+    turns, _ = turns_of(tmp_path / "turns")
+    (thread,) = set(threading.enumerate()) - before
+    del turns
+    gc.collect()
+    until(lambda: not thread.is_alive())
