@@ -9,37 +9,40 @@ comma = ,
 # The runs of `make night`, each a target of its own; their commands are in tests/night.toml.
 NIGHT := $(shell sed -n 's/^\[\(.*\)\]$$/\1/p' tests/night.toml)
 
-.PHONY: demo test runs lines calculates check docs night $(NIGHT) peers lerobot standard proto lock clean
+.PHONY: demo test runs calculates terminals check docs night $(NIGHT) peers lerobot standard proto lock clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
 # Tests of real processes mostly wait, so several files of them run at once.  Tests that only calculate
-# run next to them at a low priority, with those of whole systems in virtual time, and report at the end.
+# run next to them at a low priority, then those of whole systems in virtual time; both report at the end.
 # Tests of terminals run afterwards: while all processors are busy, the kernel passes on the bytes of a
 # terminal up to half a second late.  `make night` runs longer tests.
-CALCULATES = tests/unit tests/emulated tests/world tests/docs orientd adapters drivers sim
-RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
-LINES = tests/drivers/dynamixel $(sort $(wildcard tests/system/test_gimbal*.py))
+CALCULATES = tests/unit tests/docs orientd adapters drivers sim
+SYSTEMS = tests/system tests/drivers tests/chaos tests/storm tests/bench
+VIRTUAL = $(SYSTEMS) tests/world tests/emulated
 AT_ONCE ?= 3
-PYTEST = $(BIN)/python -m pytest --dist loadfile
+PYTEST = $(BIN)/python -m pytest
 
 test: check
 	@$(MAKE) --no-print-directory --keep-going --jobs=2 runs calculates; status=$$?; \
-	    echo "Tests that only calculate:"; cat build/calculates.txt; \
-	    $(MAKE) --no-print-directory lines && exit $$status
+	    cat build/calculates.txt; \
+	    $(MAKE) --no-print-directory terminals && exit $$status
 
 runs: $(VENV)/.dev
-	@$(PYTEST) --processes only -n $(AT_ONCE) $(RUNS) $(LINES:%=--ignore=%)
+	@$(PYTEST) --systems processes -n $(AT_ONCE) --dist loadfile $(SYSTEMS)
 
 # A cache of its own: two runs at once write theirs.
+CALCULATE = nice -n 15 $(PYTEST) -o cache_dir=build/calculates -n logical
+
 calculates: $(VENV)/.dev
 	@mkdir -p build
-	@nice -n 15 $(PYTEST) --processes none -n logical -o cache_dir=build/calculates $(CALCULATES) $(RUNS) \
-	    > build/calculates.txt 2>&1
+	@{ echo "Tests that only calculate:"; $(CALCULATE) $(CALCULATES); status=$$?; \
+	    echo "Tests in virtual time:"; $(CALCULATE) --systems virtual --dist loadfile $(VIRTUAL) && exit $$status; \
+	    } > build/calculates.txt 2>&1
 
-lines: $(VENV)/.dev
-	@$(PYTEST) --processes only -n 2 $(LINES)
+terminals: $(VENV)/.dev
+	@$(PYTEST) --systems terminals -n 2 --dist loadfile $(SYSTEMS)
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .

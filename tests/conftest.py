@@ -56,8 +56,8 @@ for folder in (
 
 WORLD = pytest.StashKey()
 
-OF_SYSTEMS = {("tests", name) for name in ("system", "drivers", "chaos", "storm", "bench")}
-"""Folders of tests of whole systems."""
+TERMINALS = {"bus", "gimbal"}
+"""Fixtures that are devices on terminals."""
 
 # Whatever a test starts inherits this, so that what is left of a run is known by it.
 os.environ.setdefault("TEST_RUN_OF_ORIENTD", str(os.getpid()))
@@ -79,10 +79,10 @@ def pytest_addoption(parser):
     """Add the options of the world."""
     parser.addoption("--real", action="store_true", help="run the world's tests as processes")
     parser.addoption(
-        "--processes",
-        choices=("with", "only", "none"),
-        default="with",
-        help="of the tests of whole systems, run those of processes, or those in virtual time",
+        "--systems",
+        choices=("all", "virtual", "processes", "terminals"),
+        default="all",
+        help="run only the tests of this kind; those in virtual time, of processes, of terminals",
     )
     parser.addoption("--seed", default="1", help="seed of the world")
 
@@ -94,19 +94,24 @@ def is_virtual(item):
     return bool(item.get_closest_marker("world")) and not item.get_closest_marker("real")
 
 
-def has_processes(item):
-    """Return whether a test is one of processes."""
-    folder = item.path.relative_to(Path(__file__).parent.parent).parts[:2]
-    return folder in OF_SYSTEMS and not is_virtual(item)
+def kind_of(item):
+    """Return what a test of a whole system runs in or with."""
+    if is_virtual(item):
+        return "virtual"
+    folder = item.path.relative_to(Path(__file__).parent).parts[:-1]
+    if folder[0] in ("world", "emulated"):
+        return "virtual"
+    is_terminal = TERMINALS.intersection(item.fixturenames) or folder[-1] == "dynamixel"
+    return "terminals" if is_terminal else "processes"
 
 
 def pytest_collection_modifyitems(config, items):
     """Choose tests, and let those of a module that need real processes follow its others."""
-    wanted = config.getoption("processes")
-    if wanted != "with":
-        chosen = {item for item in items if has_processes(item) == (wanted == "only")}
-        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-        items[:] = [item for item in items if item in chosen]
+    wanted = config.getoption("systems")
+    if wanted != "all":
+        chosen = [item for item in items if kind_of(item) == wanted]
+        config.hook.pytest_deselected(items=[item for item in items if kind_of(item) != wanted])
+        items[:] = chosen
     places = {}
     for item in items:
         places.setdefault(item.location[0], len(places))
