@@ -12,9 +12,12 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 from harness import DaemonProcess
 
 from orientd.protocol import control_pb2 as pb
+
+pytestmark = pytest.mark.bench
 
 MOST_FUNCTIONS = 220
 MOST_TYPES = 42
