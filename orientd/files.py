@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import secrets
 import select
 import stat
 from collections.abc import Iterator
@@ -96,7 +95,7 @@ def written(path: Path) -> Iterator[Path]:
     """
     target = Path(os.path.realpath(path))
     is_special = target.exists() and not target.is_file()
-    part = target if is_special else target.with_name(f".{secrets.token_hex(4)}{path.suffix}")
+    part = target if is_special else target.with_name(f".{os.urandom(4).hex()}{path.suffix}")
     try:
         try:
             yield part

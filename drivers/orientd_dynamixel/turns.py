@@ -22,6 +22,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from orientd.errors import DeviceFaultError
+from orientd.files import sync_name
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import Servo
 
@@ -62,7 +63,7 @@ class Turns:
             kept = os.pread(descriptor, size, 0).ljust(size, b"\0")
             os.pwrite(descriptor, kept, 0)  # reserves its space on the disk
             os.fsync(descriptor)
-            _sync_folder(self.path.parent)
+            sync_name(self.path)
         except OSError as error:
             raise DeviceFaultError(
                 f"turns cannot be remembered in {self.path}: {error.strerror}; name another file "
@@ -162,16 +163,6 @@ class _File:
                 os.fsync(self.descriptor)
         with suppress(OSError):
             os.close(self.descriptor)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Have the disk keep the names in a folder, if its file system can."""
-    with suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
 
 
 def _path(options: GimbalOptions) -> Path | None:

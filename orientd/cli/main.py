@@ -52,7 +52,7 @@ _LONG = 1.0
 _HELP: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
 """Click raises this for a group without a command; its text is the help.  Click 8.1 prints it."""
 
-_OTHERS = OrientdError, OSError, MemoryError, UnicodeEncodeError, click.ClickException
+_NO_DEFECTS = OrientdError, OSError, MemoryError, UnicodeEncodeError, click.ClickException
 """Errors that are no defects of this program."""
 
 TRACEBACK = "ORIENTD_TRACEBACK"
@@ -141,7 +141,7 @@ class Commands(OpenGroup):
 
 def _is_ours(error: Exception) -> bool:
     """Return whether *error* is a defect of this program."""
-    return not isinstance(error, _OTHERS)
+    return not isinstance(error, _NO_DEFECTS)
 
 
 def _tell(error: Exception, *, as_json: bool) -> None:

@@ -1,5 +1,6 @@
 """Wrong certificate files: daemon and client name the file, what is in it, and the next step."""
 
+import ssl
 import subprocess
 from pathlib import Path
 
@@ -214,5 +215,7 @@ def test_a_client_names_a_wrong_file_before_it_connects(folder, name):
 
 def test_files_that_are_as_they_should_be_are_taken(folder):
     given = files(folder, {})
-    server_context(TcpSettings(listen="127.0.0.1:0", **given))
-    certificate_files("host:1", given["certificate"], given["key"], given["ca"])
+    context = server_context(TcpSettings(listen="127.0.0.1:0", **given))
+    assert context.verify_mode is ssl.CERT_REQUIRED
+    names = [given[name] for name in ("certificate", "key", "ca")]
+    assert certificate_files("host:1", *names) == [Path(name) for name in names]

@@ -304,6 +304,7 @@ class _Call:
     method: Method
     rule: Rule
     caller: Caller
+    # Looked up at the call: the clock may be another one in tests.
     began: float = field(default_factory=lambda: time.monotonic())
     asked: dict[str, Any] = field(default_factory=dict)
     result: dict[str, Any] = field(default_factory=dict)

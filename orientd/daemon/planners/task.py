@@ -68,6 +68,7 @@ class PlanCall:
     caller: str = ""
     timeout: float = 10.0
     rate_hz: float = 0.0
+    # Looked up at the call: the clocks may be others in tests.
     began: float = field(default_factory=lambda: time.monotonic())
     unix_ns: int = field(default_factory=lambda: time.time_ns())
     waits: list[float] = field(default_factory=list)

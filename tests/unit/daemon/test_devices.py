@@ -473,6 +473,7 @@ def test_all_devices_are_stopped_at_once(devices):
     for device in devices.by_name.values():
         servo_of(device).ask = lambda command: together.wait(10.0)
     stop(devices, "", "ben")
+    assert not together.broken
 
 
 def test_the_daemon_going_down_stops_all_devices_at_once(devices):

@@ -134,7 +134,10 @@ def test_no_row_of_a_true_pass_counts_as_wrong(tmp_path, digits, height):
         for top in (5.0, 45.0, 89.9):
             for phase in (0.0, 0.4, 0.7):
                 if 2.0 * half_pass(top, height) > 4.0 * step:
-                    of_pass(tmp_path, step, top, phase=phase, height=height, digits=digits)
+                    table, since = of_pass(
+                        tmp_path, step, top, phase=phase, height=height, digits=digits
+                    )
+                    assert np.isfinite(table.target.at(NOW + since)).all()
 
 
 @pytest.mark.parametrize("column", [0, 1])
