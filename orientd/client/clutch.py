@@ -61,7 +61,8 @@ class Anchor:
         owner: the clutch that sent the newest target; ``None`` if that came from elsewhere.
         is_moving: whether the device moves, or may not have got the newest target yet, or that
             target still counts.
-        rests: whether the device does not move, and has had time to get the newest target.
+        rests: whether the device has not moved for 0.05 s, and has had time to get the newest
+            target.
     """
 
     def __init__(self, report: pb.TrackResponse) -> None:
@@ -71,6 +72,7 @@ class Anchor:
         self.owner: Clutch | None = None
         self._held = self.newest
         self._until = self._noted = -math.inf
+        self._moved_ns = -math.inf
         self.is_moving, self.rests = True, False
         self.note(report)
 
@@ -83,7 +85,11 @@ class Anchor:
             # A report from before the end of the newest target does not count.
             now, is_moving = time.monotonic(), is_turning or is_shifting
             self.is_moving = is_moving or now < self._until
-            self.rests = not is_moving and now >= self._noted + _BRIEF
+            if is_moving:
+                self._moved_ns = report.time_ns
+            # A device that turns back stands still in one report, and is not at rest.
+            is_still = report.time_ns >= self._moved_ns + 1e9 * _BRIEF
+            self.rests = is_still and now >= self._noted + _BRIEF
 
     def hold(self, owner: Clutch, pose: Pose, time_to_live: float) -> None:
         """Note a target of a clutch, and how long it counts, s."""

@@ -31,8 +31,13 @@ class Targets:
         self.aimed.append(((q.w, q.x, q.y, q.z), options))
 
 
-def reported(q, position, omega=ZERO):
-    return pb.TrackResponse(q=quaternion(q), position=vector(position), omega_body=vector(omega))
+def reported(q, position, omega=ZERO, time=0.0):
+    return pb.TrackResponse(
+        q=quaternion(q),
+        position=vector(position),
+        omega_body=vector(omega),
+        time_ns=round(time * 1e9),
+    )
 
 
 def engaged(scale=1.0, frame="world", targets=None):
@@ -214,3 +219,14 @@ def test_a_target_behind_a_report_of_rest_counts():
     anchor.note(reported(TOOL, PLACE))
     threads[0].join()
     assert anchor.is_moving
+
+
+def test_a_device_that_turns_back_is_not_at_rest():
+    anchor = Anchor(reported(TOOL, PLACE))
+    for time, turns in [(1.0, 1e-4), (1.02, 0.0), (1.04, -1e-4)]:
+        anchor.note(reported(TOOL, PLACE, (0.0, 0.0, turns), time))
+        assert not anchor.rests
+    # Reports that come late, all at once, are no longer ago than they say.
+    for time, rests in [(1.06, False), (1.08, False), (1.1, True)]:
+        anchor.note(reported(TOOL, PLACE, time=time))
+        assert anchor.rests is rests
