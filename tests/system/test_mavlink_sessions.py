@@ -126,13 +126,15 @@ def test_mavsdk_commands_a_gimbal_a_hundred_times(sdk, gimbal_daemon):
         time.sleep(0.03)
     assert sdk.aim(40, -30)
     sdk.await_angles(40, -30)
-    for _ in range(20):
+
+    def turns():
         assert sdk.turn(-15, 20, is_stream=True)
         time.sleep(0.05)
+        pitch, yaw = sdk.angles()
+        return pitch < 35 and yaw > -20
+
+    until(turns, "the gimbal to turn at its rates")
     assert sdk.turn(0, 0)
-    pitch, yaw = sdk.angles()
-    assert pitch < 35
-    assert yaw > -20
     assert sdk.aim(0, 0)
     sdk.await_angles(0, 0)
     sdk.gimbal.release_control(1)
