@@ -23,10 +23,11 @@ from google.protobuf.message_factory import GetMessageClass
 from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 from judge import Judge, judged
 
-from orientd import connect
+from orientd import connect, planner
 from orientd.driver import Setpoint
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.motion import to_request
 from orientd.protocol.stub import control_stub
 from orientd.stream.records import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
 from orientd_loopback import read_recording
@@ -389,6 +390,16 @@ def nudge(angle: float) -> pb.MotionRequest:
     vectors = (pb.Vector3(), pb.Vector3(x=0.5 * angle), pb.Vector3(x=angle, z=angle))
     keyframes = [pb.Keyframe(rotation_vector=vector) for vector in vectors]
     return pb.MotionRequest(keyframes=keyframes, approach=True)
+
+
+def planned_path(daemon: DaemonProcess, request: pb.MotionRequest) -> planner.Motion:
+    """Return the motion as the daemon has planned it, from the loopback's first orientation."""
+    return planner.plan(
+        to_request(request),
+        start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        limits=planner.DEFAULT_LIMITS,
+        period=daemon.period,
+    )
 
 
 def _setpoints(q: np.ndarray, period: float) -> list[Setpoint]:

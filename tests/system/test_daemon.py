@@ -19,6 +19,8 @@ import orientd as package
 from orientd import __version__, processor
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 SERVICE = "orientd.v1.Control"
 MOST_KIB, MOST_OWN_KIB = 70 * 1024, 36 * 1024
 
@@ -52,6 +54,7 @@ with grpc.insecure_channel(sys.argv[1]) as channel:
 """
 
 
+@pytest.mark.real
 def test_it_says_by_reflection_what_it_offers(daemon):
     # In a process of its own: its messages and those of the daemon's library exclude each other.
     command = [sys.executable, "-c", REFLECTED, f"unix:{daemon.socket}", SERVICE]
@@ -62,6 +65,7 @@ def test_it_says_by_reflection_what_it_offers(daemon):
     assert offered <= set(methods)
 
 
+@pytest.mark.real
 def test_it_is_small_before_its_first_plan(daemon):
     pid = daemon.process.pid
     assert resident_kib(pid, "RssAnon") <= MOST_OWN_KIB
@@ -69,6 +73,7 @@ def test_it_is_small_before_its_first_plan(daemon):
     assert resident_kib(pid) <= MOST_KIB
 
 
+@pytest.mark.real
 def test_starting_imports_nothing_that_is_slow():
     code = (
         "import sys, orientd.cli.main\n"
@@ -112,6 +117,7 @@ def test_a_second_daemon_is_refused_and_the_first_goes_on(daemon):
     assert daemon.device().state == pb.STATE_HOLDING
 
 
+@pytest.mark.real
 def test_a_servo_is_out_of_reach_of_the_terminal_and_in_the_session_of_its_daemon(tmp_path):
     # The kernel shares processor time by session; in one of its own a servo has waited for 1 s.
     with DaemonProcess(tmp_path / "daemon") as daemon:
@@ -125,6 +131,7 @@ def test_a_servo_is_out_of_reach_of_the_terminal_and_in_the_session_of_its_daemo
         assert ignored >> (signal.SIGTTOU - 1) & 1
 
 
+@pytest.mark.real
 def test_no_process_of_a_daemon_is_in_reach_of_the_terminal(tmp_path):
     # One that is hit by Ctrl-C while it imports would end in a traceback.
     with DaemonProcess(tmp_path / "daemon") as daemon:
@@ -159,6 +166,7 @@ def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, numb
         assert "Traceback" not in log(daemon)
 
 
+@pytest.mark.real
 def test_a_daemon_that_is_told_to_end_while_it_plans_ends(tmp_path):
     with DaemonProcess(tmp_path / "daemon") as daemon:
         turns = np.cumsum(np.random.default_rng(1).normal(0.0, 0.05, (20_000, 3)), axis=0).tolist()
@@ -252,6 +260,7 @@ def test_a_path_that_no_socket_can_have_is_refused(tmp_path):
     assert_refused(done, "the path of a socket has at most 107 bytes")
 
 
+@pytest.mark.real
 def test_a_log_that_nobody_reads_holds_nothing_up(tmp_path):
     fifo = tmp_path / "full"
     os.mkfifo(fifo)
@@ -296,6 +305,7 @@ def test_a_device_that_does_not_answer_is_named_and_tried_again(unanswered, tmp_
     assert one.returncode == 0
 
 
+@pytest.mark.real
 def test_a_device_that_does_not_answer_ends_a_daemon_that_requires_it(unanswered, tmp_path):
     arguments = ("run", "--require-devices", "--config", unanswered, "--socket", tmp_path / "s")
     done = orientd(*arguments)

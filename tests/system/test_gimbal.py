@@ -1,7 +1,9 @@
 """A gimbal from the command line: an emulated bus, the daemon, motions."""
 
 import json
+import os
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -159,6 +161,16 @@ def test_gimbal_goes_on_holding_when_the_daemon_is_killed(bus, tmp_path):
         assert abs(state["goal"] - state["position"]) <= 2
     again = GimbalDaemon(tmp_path, bus.link).start()
     again.end()
+
+
+def test_a_disabled_gimbal_goes_on_holding_without_its_servo_process(bus, daemon):
+    with connect(daemon.socket) as robot:
+        robot.disable("gimbal")
+        before = [bus.state(servo) for servo in (1, 2, 3)]
+        assert [(state["torque"], state["watchdog"]) for state in before] == [(1, 0)] * 3
+        os.kill(robot.state().devices["gimbal"].servo_pid, signal.SIGKILL)
+        time.sleep(3.0)  # longer than any watchdog that these daemons set
+        assert [bus.state(servo) for servo in (1, 2, 3)] == before
 
 
 def findings(daemon):

@@ -102,3 +102,22 @@ def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, robot, cause, ro
             assert max(abs(tick - at) for tick in later) < DEGREE
             assert later[-1] == bus.state(one)["goal"]
         assert tee.reader.damaged == 0
+
+
+def test_an_axis_that_lags_when_another_fails_stays_where_it_is(bus, tee, robot):
+    hold(robot)
+    robot.move([{"euler": {"axes": "ZYX", "degrees": [80, 40, 0]}}], approach=True)
+    until(lambda: bus.state(2)["position"] > 2048 + 10 * DEGREE, "pitch on its way")
+    # Not for so long that this servo reports an overload too.
+    bus.tell("jam 2")
+    time.sleep(0.1)
+    bus.tell("error 1 32")
+    until(lambda: robot.state().devices[DEVICE].state == pb.STATE_FAULT, "the fault")
+    time.sleep(0.2)
+    stood = bus.state(2)
+    bus.tell("free 2")
+    time.sleep(0.5)
+    assert stood["torque"] == bus.state(2)["torque"] == 1
+    assert abs(bus.state(2)["position"] - stood["position"]) < DEGREE
+    assert abs(bus.state(2)["goal"] - stood["position"]) < DEGREE
+    let_go(bus, 1)

@@ -15,13 +15,13 @@ from harness import (
     DaemonProcess,
     assert_limits_kept,
     is_alive,
+    planned_path,
     spin,
     until,
 )
 
-from orientd import planner, rotation
+from orientd import rotation
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import to_request
 from orientd.recorder.reader import load_recording
 
 pytestmark = pytest.mark.world
@@ -31,16 +31,6 @@ MOMENTS = [
     pytest.param(round(RANDOM.uniform(0.02, 3.2), 3), marks=() if k < 3 else pytest.mark.slow)
     for k in range(10)
 ]
-
-
-def planned_path(daemon, request):
-    """Return the motion as the daemon has planned it, from the loopback's first orientation."""
-    return planner.plan(
-        to_request(request),
-        start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        limits=planner.DEFAULT_LIMITS,
-        period=daemon.period,
-    )
 
 
 def largest_deviation(sent, motion):

@@ -11,11 +11,13 @@ from collections import Counter
 from pathlib import Path
 
 import grpc
+import numpy as np
 import pytest
 from command_line import assert_refused, orientd
-from harness import DEVICE, DaemonProcess, spin, until
+from harness import DEVICE, DaemonProcess, planned_path, spin, until
 
 import orientd as package
+from orientd import rotation
 from orientd.client.stop_call import ask_to_stop
 from orientd.errors import DaemonError, StateError
 from orientd.first_stop import stop_folder
@@ -54,6 +56,28 @@ def ended(daemon):
 
 def kinds():
     return pytest.mark.parametrize("kind", ["stop", "halt"])
+
+
+@kinds()
+def test_a_stop_at_the_socket_keeps_to_the_path_and_a_halt_need_not(tmp_path, kind):
+    around = 2.0 * np.pi * np.arange(13) / 12
+    keyframes = [
+        pb.Keyframe(rotation_vector=pb.Vector3(x=0.4 * np.sin(a), y=0.4 - 0.4 * np.cos(a)))
+        for a in around
+    ]
+    request = pb.MotionRequest(keyframes=keyframes, approach=True)
+    with DaemonProcess(tmp_path) as daemon:
+        daemon.move(request)
+        until(lambda: daemon.device().path_time > 0.5, "a quick circle")
+        ask_to_stop(daemon.socket, kind)
+        ended(daemon)
+        daemon.assert_limits_kept()
+        motion = planned_path(daemon, request)
+        path = motion.sample(np.arange(0.0, motion.duration, daemon.period / 20.0)).q
+        away = [rotation.angle(path, q).min() for q in daemon.sent()]
+    # A setpoint on the path lies at most half way between two of these points.
+    between = 2.5 * daemon.period / 20.0 / 2.0
+    assert (max(away) <= 1.01 * between) == (kind == "stop")
 
 
 @kinds()

@@ -19,6 +19,7 @@ from types import SimpleNamespace
 from unittest import mock
 
 from processes import Process
+from robot_sockets import MODULE, create_connection
 
 from emulated_ur import EmulatedRobot, LaunchError
 from emulated_ur import __main__ as program
@@ -53,46 +54,32 @@ GETTERS = {
 _FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
 
 
-class Session:
-    """A connection to the RTDE server: variables as they come, and registers to write."""
+class _Packages:
+    """A connection to the RTDE server, and the packages on it.
 
-    network = None
+    Raises:
+        OSError: no controller answers there.
+    """
 
-    def __init__(self, host, variables, inputs=()):
-        try:
-            self._sock = self.network.create_connection((host, RTDE_PORT), ANSWERED)
-            self._pending, self._newest, self._kinds = b"", {}, []
-            self._ask(b"V", struct.pack(">H", 2))
-            version = struct.unpack(">4I", self._ask(b"v"))
-            self._recipe = self._claim(inputs) if inputs else b""
-            rate = struct.pack(">d", 500.0 if version[0] >= 5 else 125.0)
-            answer = self._ask(b"O", rate + ",".join(variables).encode())
-            kinds = [_FORMATS[kind] for kind in answer[1:].decode().split(",")]
-            self._kinds = list(zip(variables, kinds, strict=True))
-            self._ask(b"S")
-        except OSError as error:
-            raise RuntimeError(f"{host}: {error}") from error
-        self.is_connected = True
-        self._sock.settimeout(None)
-        threading.Thread(target=self._listen, name="rtde", daemon=True).start()
-        while not self._newest:
-            time.sleep(POLL)
+    def __init__(self, host):
+        self._sock = create_connection((host, RTDE_PORT), ANSWERED)
+        self._pending = b""
+        self.close, self.settimeout = self._sock.close, self._sock.settimeout
 
-    def _claim(self, inputs):
-        answer = self._ask(b"I", ",".join(inputs).encode())
-        if b"IN_USE" in answer:
-            self._sock.close()
-            raise RuntimeError("One of the RTDE input registers are already in use!")
-        return answer[:1]
-
-    def _ask(self, kind, payload=b""):
+    def send(self, kind, payload=b""):
         self._sock.sendall(struct.pack(">Hc", 3 + len(payload), kind) + payload)
+
+    def ask(self, kind, payload=b""):
+        """Send a package, and return the contents of the answer."""
+        self.send(kind, payload)
         while True:
-            for found, content in self._packages(self._sock.recv(65536)):
+            for found, content in self.receive():
                 if found == kind:
                     return content
 
-    def _packages(self, chunk):
+    def receive(self):
+        """Yield kinds and contents of the packages that have arrived; wait for bytes first."""
+        chunk = self._sock.recv(65536)
         if not chunk:
             raise ConnectionResetError("the controller closed the connection")
         self._pending += chunk
@@ -106,11 +93,42 @@ class Session:
             raise ConnectionAbortedError("the controller does not speak RTDE")
         return size
 
+
+class Session:
+    """A session with the RTDE server: variables as they come, and registers to write."""
+
+    def __init__(self, host, variables, inputs=()):
+        try:
+            self._packages = packages = _Packages(host)
+            self._newest, self._kinds = {}, []
+            packages.ask(b"V", struct.pack(">H", 2))
+            version = struct.unpack(">4I", packages.ask(b"v"))
+            self._recipe = self._claim(inputs) if inputs else b""
+            rate = struct.pack(">d", 500.0 if version[0] >= 5 else 125.0)
+            answer = packages.ask(b"O", rate + ",".join(variables).encode())
+            kinds = [_FORMATS[kind] for kind in answer[1:].decode().split(",")]
+            self._kinds = list(zip(variables, kinds, strict=True))
+            packages.ask(b"S")
+        except OSError as error:
+            raise RuntimeError(f"{host}: {error}") from error
+        self.is_connected, self.close = True, packages.close
+        packages.settimeout(None)
+        threading.Thread(target=self._listen, name="rtde", daemon=True).start()
+        while not self._newest:
+            time.sleep(POLL)
+
+    def _claim(self, inputs):
+        answer = self._packages.ask(b"I", ",".join(inputs).encode())
+        if b"IN_USE" in answer:
+            self._packages.close()
+            raise RuntimeError("One of the RTDE input registers are already in use!")
+        return answer[:1]
+
     def _listen(self):
         """Take packages until the connection ends."""
         with contextlib.suppress(OSError):
             while True:
-                for kind, content in self._packages(self._sock.recv(65536)):
+                for kind, content in self._packages.receive():
                     if kind == b"U":
                         self._newest = self._read(content)
         self.is_connected = False
@@ -131,13 +149,10 @@ class Session:
         numbers = [*map(float, values), *[0.0] * (DOUBLES - len(values))]
         packed = self._recipe + struct.pack(f">i{DOUBLES}d", command, *numbers)
         try:
-            self._sock.sendall(struct.pack(">Hc", 3 + len(packed), b"U") + packed)
+            self._packages.send(b"U", packed)
         except OSError as error:
             self.is_connected = False
             raise RuntimeError(f"the connection is gone: {error}") from error
-
-    def close(self):
-        self._sock.close()
 
 
 class RTDEReceiveInterface:
@@ -155,45 +170,86 @@ class RTDEReceiveInterface:
         return lambda: self._session[variable]
 
 
+class ControlProgram:
+    """The control program on the controller, and the registers that it reads.
+
+    Attributes:
+        session: with the registers.
+    """
+
+    def __init__(self, host, offset):
+        self._host, self._offset = host, offset
+        self._state = f"output_int_register_{offset}"
+        doubles = (f"input_double_register_{offset + k}" for k in range(DOUBLES))
+        self.session = Session(
+            host,
+            ["robot_status_bits", "safety_status_bits", self._state],
+            [f"input_int_register_{offset}", *doubles],
+        )
+        self.session.write(0)
+
+    @property
+    def is_running(self):
+        return bool(self.session["robot_status_bits"] & 2)
+
+    @property
+    def is_stopped(self):
+        """Whether no program runs, or a stop holds it."""
+        return not self.is_running or self.session["safety_status_bits"] & (1 << 2 | 1 << 7)
+
+    def says(self, state, seconds):
+        """Wait until the program says so of itself; return whether it did."""
+        return self.wait(lambda: self.session[self._state] == state, seconds)
+
+    def upload(self):
+        """Play the control program, in place of one that plays."""
+        if self.is_running:
+            self.stop()
+        with create_connection((self._host, SCRIPT_PORT), ANSWERED) as script:
+            script.sendall(PROGRAM.replace("OFFSET", str(self._offset)).encode())
+        if not self.wait(lambda: self.is_running, PLAYING_LIMIT):
+            raise RuntimeError("Failed to start control script, before timeout of 5 seconds")
+        return True
+
+    def stop(self):
+        self.says(READY, READY_LIMIT)
+        self.session.write(STOP_SCRIPT)
+        self.wait(lambda: not self.is_running, READY_LIMIT)
+        self.session.write(0)
+
+    def wait(self, is_so, seconds):
+        """Wait until something is so; give up if the robot has stopped."""
+        ends = time.monotonic() + seconds
+        is_start = seconds == PLAYING_LIMIT
+        while not is_so():
+            if not self.session.is_connected:
+                raise RuntimeError("the connection is gone")
+            if self.is_stopped and not is_start:
+                return False
+            if time.monotonic() > ends:
+                return False
+            time.sleep(POLL)
+        return True
+
+
 class RTDEControlInterface:
     """``rtde_control.RTDEControlInterface``."""
 
     FLAG_UPLOAD_SCRIPT, FLAG_UPPER_RANGE_REGISTERS = 1, 8
 
     def __init__(self, host, _frequency, flags):
-        self._host, self._offset = host, 24 if flags & self.FLAG_UPPER_RANGE_REGISTERS else 0
-        self._state = f"output_int_register_{self._offset}"
-        doubles = (f"input_double_register_{self._offset + k}" for k in range(DOUBLES))
-        self._session = Session(
-            host,
-            ["robot_status_bits", "safety_status_bits", self._state],
-            [f"input_int_register_{self._offset}", *doubles],
-        )
+        offset = 24 if flags & self.FLAG_UPPER_RANGE_REGISTERS else 0
+        self._program = ControlProgram(host, offset)
+        self._session = self._program.session
         self.disconnect = self._session.close
-        self._session.write(0)
+        self.reuploadScript, self.stopScript = self._program.upload, self._program.stop
         self.reuploadScript()
 
     def isConnected(self):
         return self._session.is_connected
 
     def isProgramRunning(self):
-        return bool(self._session["robot_status_bits"] & 2)
-
-    def reuploadScript(self):
-        """Play the control program, in place of one that plays."""
-        if self.isProgramRunning():
-            self.stopScript()
-        with Session.network.create_connection((self._host, SCRIPT_PORT), ANSWERED) as script:
-            script.sendall(PROGRAM.replace("OFFSET", str(self._offset)).encode())
-        if not self._await(self.isProgramRunning, PLAYING_LIMIT):
-            raise RuntimeError("Failed to start control script, before timeout of 5 seconds")
-        return True
-
-    def stopScript(self):
-        self._await(self._is_ready, READY_LIMIT)
-        self._session.write(STOP_SCRIPT)
-        self._await(lambda: not self.isProgramRunning(), READY_LIMIT)
-        self._session.write(0)
+        return self._program.is_running
 
     def kickWatchdog(self):
         self._session.write(0)
@@ -203,42 +259,19 @@ class RTDEControlInterface:
         number = REALTIME.get(name) or AWAITED[name]
         return lambda *arguments: self._carry_out(number, arguments, name in AWAITED)
 
-    def _is_ready(self):
-        return self._session[self._state] == READY
-
     def _carry_out(self, number, arguments, is_awaited):
         """Have the program carry out a command, if it plays and nothing has stopped the robot."""
         values = []
         for one in arguments:
             values += one if isinstance(one, list) else [one]
-        if self._is_stopped() or not self._await(self._is_ready, READY_LIMIT):
+        if self._program.is_stopped or not self._program.says(READY, READY_LIMIT):
             self._session.write(0)
             return False
         self._session.write(number, values)
         if is_awaited:
-            is_done = self._await(lambda: self._session[self._state] == DONE, 300.0)
+            is_done = self._program.says(DONE, 300.0)
             self._session.write(0)
             return is_done
-        return True
-
-    def _is_stopped(self):
-        """Return whether no program runs, or a stop holds it."""
-        return not self.isProgramRunning() or self._session["safety_status_bits"] & (
-            1 << 2 | 1 << 7
-        )
-
-    def _await(self, is_so, seconds):
-        """Wait until something is so; give up if the robot has stopped."""
-        ends = time.monotonic() + seconds
-        is_start = seconds == PLAYING_LIMIT
-        while not is_so():
-            if not self._session.is_connected:
-                raise RuntimeError("the connection is gone")
-            if self._is_stopped() and not is_start:
-                return False
-            if time.monotonic() > ends:
-                return False
-            time.sleep(POLL)
         return True
 
 
@@ -293,7 +326,6 @@ def _start(world, robot):
 
 def of_robots(world):
     """Return what drivers, tests and the emulator find in a world."""
-    network = world.network
     library = {
         "rtde_receive": SimpleNamespace(RTDEReceiveInterface=RTDEReceiveInterface),
         "rtde_control": SimpleNamespace(RTDEControlInterface=RTDEControlInterface),
@@ -305,12 +337,10 @@ def of_robots(world):
     modules = SimpleNamespace(import_module=library.__getitem__, util=importlib.util)
     users = (emulated_server, emulated_connection, emulated_process, wire)
     return [
-        (Session, "network", network),
         (EmulatedRobot, "start", lambda robot: _start(world, robot)),
-        (emulated_server, "select", network),
         (link, "importlib", modules),
         (link, "send_at_once", lambda _address: frozenset()),
         (link, "process_ends_after", unlimited),
         (driver, "alarm_after", unlimited),
-        *((user, "socket", network) for user in users),
+        *((user, "socket", MODULE) for user in users),
     ]

@@ -177,8 +177,8 @@ class _Stream:
         self._call.take(self._deserialize(content))
 
 
-class Answers(grpc.Call):
-    """The answers of a call as they come, and its end.
+class _Ending(grpc.Call):
+    """The end of a call, for which others wait.
 
     Attributes:
         is_over: whether it has ended.
@@ -186,12 +186,7 @@ class Answers(grpc.Call):
 
     def __init__(self, scheduler):
         self._scheduler, self._error, self.is_over = scheduler, None, False
-        self._answers, self._waiting, self._callbacks = deque(), [], []
-
-    def take(self, answer):
-        """Take an answer."""
-        self._answers.append(answer)
-        self._wake()
+        self._waiting, self._callbacks = [], []
 
     def end(self, error):
         """End with an error, or with none."""
@@ -214,26 +209,6 @@ class Answers(grpc.Call):
                 self._scheduler.wait(None)
         finally:
             self._waiting.remove(task)
-
-    def __iter__(self):
-        return self
-
-    def __next__(self):
-        self._await(lambda: self._answers or self.is_over)
-        if self._answers:
-            return self._answers.popleft()
-        if self._error is not None:
-            raise self._error
-        raise StopIteration
-
-    next = __next__
-
-    def result(self, timeout=None):
-        answer = next(self, None)
-        self._await(lambda: self.is_over)
-        if self._error is not None:
-            raise self._error
-        return answer
 
     def code(self):
         self._await(lambda: self.is_over)
@@ -267,6 +242,39 @@ class Answers(grpc.Call):
 
     def trailing_metadata(self):
         return ()
+
+
+class Answers(_Ending):
+    """The answers of a call as they come."""
+
+    def __init__(self, scheduler):
+        super().__init__(scheduler)
+        self._answers = deque()
+
+    def take(self, answer):
+        """Take an answer."""
+        self._answers.append(answer)
+        self._wake()
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        self._await(lambda: self._answers or self.is_over)
+        if self._answers:
+            return self._answers.popleft()
+        if self._error is not None:
+            raise self._error
+        raise StopIteration
+
+    next = __next__
+
+    def result(self, timeout=None):
+        answer = next(self, None)
+        self._await(lambda: self.is_over)
+        if self._error is not None:
+            raise self._error
+        return answer
 
 
 class Call(Answers):

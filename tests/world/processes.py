@@ -10,7 +10,6 @@ import time
 from types import SimpleNamespace
 
 from direct_planners import DirectPlanners
-from network import Network
 from serial_lines import SerialLines
 
 from orientd.daemon.device import EventKind, device
@@ -157,14 +156,13 @@ class World:
         listeners: what answers calls, by the socket.
         pipes: by the numbers that stand for their descriptors.
         lines: serial lines.
-        network: sockets.
         sockets: tasks that wait for sockets.
     """
 
     def __init__(self, scheduler):
         self.scheduler, self.listeners, self.pipes = scheduler, {}, {}
-        self.lines, self.network = SerialLines(scheduler), Network(scheduler)
-        self._processes, self._parents, self.sockets = {}, {}, None
+        self.lines, self.sockets = SerialLines(scheduler), None
+        self._processes, self._parents = {}, {}
 
     def add(self, process):
         """Add a process, whose parent is the present one."""

@@ -25,10 +25,14 @@ _CONNECTING = 5.0  # s of real time
 
 
 class Waiting:
-    """The tasks that wait for sockets; each looks again whenever any socket has been used."""
+    """The tasks that wait for sockets; each looks again whenever any socket has been used.
+
+    Attributes:
+        connecting: ends of connections to robots that nobody has accepted yet, by their names.
+    """
 
     def __init__(self, scheduler):
-        self._scheduler, self._tasks = scheduler, []
+        self._scheduler, self._tasks, self.connecting = scheduler, [], {}
 
     def wait(self, until_ns):
         """Wait for the next use of a socket; return whether there is time left."""
@@ -61,19 +65,11 @@ def _waiting(name):
     return lambda self, *given: self._await(functools.partial(really, self), *given)
 
 
-class VirtualSocket(socket.socket):
-    """A socket; what would block waits in virtual time."""
+class _PatientSocket(socket.socket):
+    """A socket whose timeout is in virtual time; it never blocks."""
 
     world = None
-
-    def __init__(self, family=-1, type=-1, proto=-1, fileno=None):  # noqa: A002 - as it is called
-        super().__init__(family, type, proto, fileno)
-        is_at_once = type != -1 and type & socket.SOCK_NONBLOCK
-        self._seconds = 0.0 if is_at_once else socket.getdefaulttimeout()
-        super().settimeout(0.0)
-        present = self.world.present()
-        if present is not None:
-            present.at_end(self.close)
+    _seconds = None
 
     def settimeout(self, seconds):
         self._seconds = seconds
@@ -87,7 +83,12 @@ class VirtualSocket(socket.socket):
     def getblocking(self):
         return self._seconds != 0.0
 
+    def _block(self, seconds):
+        """Let the kernel block for so many seconds of real time."""
+        super().settimeout(seconds)
+
     def _await(self, work, *given):
+        """Do what would block as soon as it does not."""
         waiting = self.world.sockets
         until_ns = waiting.end(self._seconds)
         while True:
@@ -101,6 +102,19 @@ class VirtualSocket(socket.socket):
             else:
                 waiting.wake()
                 return result
+
+
+class VirtualSocket(_PatientSocket):
+    """A socket; what would block waits in virtual time."""
+
+    def __init__(self, family=-1, type=-1, proto=-1, fileno=None):  # noqa: A002 - as it is called
+        super().__init__(family, type, proto, fileno)
+        is_at_once = type != -1 and type & socket.SOCK_NONBLOCK
+        self._seconds = 0.0 if is_at_once else socket.getdefaulttimeout()
+        self._block(0.0)
+        present = self.world.present()
+        if present is not None:
+            present.at_end(self.close)
 
     accept, recv, recv_into, recvfrom, recvmsg = map(
         _waiting, ("accept", "recv", "recv_into", "recvfrom", "recvmsg")
@@ -126,11 +140,11 @@ class VirtualSocket(socket.socket):
 
     def connect(self, address):
         # On one machine the kernel connects at once.
-        super().settimeout(_CONNECTING)
+        self._block(_CONNECTING)
         try:
             super().connect(address)
         finally:
-            super().settimeout(0.0)
+            self._block(0.0)
         self.world.sockets.wake()
 
     def connect_ex(self, address):

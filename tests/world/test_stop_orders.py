@@ -5,6 +5,7 @@ fault, and a reset and a motion work afterwards.
 """
 
 import itertools
+import json
 import os
 import random
 import signal
@@ -12,17 +13,16 @@ import time
 
 import numpy as np
 import pytest
+from command_line import begin
 from harness import DEVICE, DaemonProcess, assert_limits_kept, nudge, until
-from processes import Process, World
 from scipy.spatial import cKDTree
-from virtual_time import Scheduler
-from virtual_world import running
 
-from orientd import connect, motion_file, planner, rotation
-from orientd.errors import OrientdError
+from orientd import motion_file, planner, rotation
 from orientd.protocol import control_pb2 as pb
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd_loopback import read_recording
+
+pytestmark = pytest.mark.world
 
 ORDERS = list(itertools.permutations(("client", "daemon", "servo", "link")))
 SEEDS = int(os.environ.get("ORIENTD_CASES", "1"))
@@ -44,34 +44,28 @@ VECTORS = [[0.0, 0.0, 0.0], [0.3, 0.1, 0.7], [0.2, -0.4, 1.6], [-0.3, 0.2, 2.4],
 TIMES = [SECONDS * k / (len(VECTORS) - 1) for k in range(len(VECTORS))]
 
 
+MOTION = {
+    "keyframes": [{"time": t, "rotation_vector": v} for t, v in zip(TIMES, VECTORS, strict=True)],
+    "approach": True,
+}
+
+
 class Life:
-    """A daemon, a client with a motion, and what stops each of them.
+    """A daemon, a client with a motion, and what stops each of them."""
 
-    Attributes:
-        ends: how the client's motion ended, if the client has learned it.
-    """
-
-    def __init__(self, world, folder):
-        self.world, self.fault = world, folder / "fault"
+    def __init__(self, folder):
+        self.fault, self.motion = folder / "fault", folder / "motion.json"
+        self.motion.write_text(json.dumps(MOTION))
         options = f'fault_file = "{self.fault}"'
         self.daemon = DaemonProcess(folder, patience=None, lease=LEASE, options=options)
-        self.client, self.ends = Process(world.scheduler, "client"), []
 
     def begin(self):
         """Start the daemon and the client, and wait for the motion."""
         self.daemon.start()
         self.daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=self.daemon.token))
-        self.world.scheduler.spawn(self._move, "client", self.client.group)
+        self.client = begin("move", self.motion, "--socket", self.daemon.socket)
         until(lambda: self.daemon.device().path_time > 0.2, "the motion")
         self.servo = self.daemon.device().servo_pid
-
-    def _move(self):
-        try:
-            with connect(self.daemon.socket, holder="ana") as robot:
-                keyframes = [{"rotation_vector": one} for one in VECTORS]
-                self.ends.append(robot.move(keyframes, times=TIMES, approach=True).wait().outcome)
-        except OrientdError as error:
-            self.ends.append(error)
 
     def signal(self, which, number):
         """Stop one of them, or let it go on."""
@@ -137,22 +131,16 @@ def live(life, order, rng):
         before = len(life.sent()[1])
         time.sleep(0.5)
         assert np.ptp(life.sent()[1][before - 1 :], axis=0).max() == 0.0
-    until(lambda: life.ends, "the end of the client's motion")
+    until(lambda: life.client.poll() is not None, "the end of the client's motion")
 
     times, q = life.sent()
     assert_within_limits(times, q, daemon.period)
-    table = {
-        "keyframes": [
-            {"time": t, "rotation_vector": v} for t, v in zip(TIMES, VECTORS, strict=True)
-        ],
-        "approach": True,
-    }
     start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     limits = planner.DEFAULT_LIMITS
-    request = motion_file.parse(table)
+    request = motion_file.parse(MOTION)
     assert_on_path(q, planner.plan(request, start=start, limits=limits, period=daemon.period))
 
-    life.client.kill()
+    life.client.communicate()
     until(lambda: not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases, "the lease")
     daemon.token = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
     if state == pb.STATE_FAULT:
@@ -161,21 +149,15 @@ def live(life, order, rng):
         daemon.renew()
         summary = answer.summary
     assert (summary.outcome, summary.text) == (pb.OUTCOME_DONE, "")
-    daemon.end()
-    return state, life.ends[0]
+    return state, life.client.returncode
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
 @pytest.mark.parametrize("order", ORDERS, ids="-".join)
 def test_in_whatever_order_all_stand_still_the_device_rests_on_its_path(tmp_path, order, seed):
-    name = f"{seed} {' '.join(order)}"
-    world, ends = World(Scheduler(name)), []
-    with running(world):
-        life = Life(world, tmp_path)
-        rng = random.Random(name)
-        task = world.scheduler.spawn(lambda: ends.append(live(life, order, rng)), "test")
-        while not task.is_over:
-            assert world.scheduler.is_busy
-            world.scheduler.run(world.scheduler.now_ns + 50_000_000)
-    assert not world.scheduler.problems, "\n".join(world.scheduler.problems)
-    print(*ends)
+    rng = random.Random(f"{seed} {' '.join(order)}")
+    life = Life(tmp_path)
+    try:
+        print(*live(life, order, rng))
+    finally:
+        life.daemon.end()

@@ -12,7 +12,7 @@ from ur_rig import bring, device_of, fault_of, push, recover, streaming, swing, 
 from emulated_ur import EmulatedRobot, LaunchError
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
-from orientd.errors import DeviceError, DeviceFaultError
+from orientd.errors import DeviceError, DeviceFaultError, FeedbackError
 from orientd.floats import exp, multiply
 from orientd_ur import UrDriver
 from orientd_ur.wire import Dashboard
@@ -173,6 +173,31 @@ def test_fault_of_the_daemon_ends_the_program_too(ur_robot):
         assert ur_robot.state()["runtime_state"] == "STOPPED"
         assert "watchdog" not in " ".join(ur_robot.state()["log"])
         assert not stream.driver.notices()
+    finally:
+        stream.driver.close()
+
+
+def test_controller_that_stands_still_is_sent_nothing_after_the_timeout(ur_robot):
+    """Setpoints that pile up would reach the arm as one jump when the controller goes on."""
+    stream = Stream(ur_robot.host, feedback_timeout=0.1, link_timeout=2.0)
+    try:
+        stream.run(0.4, rate=0.5)
+        before = ur_robot.state()["setpoints"]
+        ur_robot.ask("freeze 0.4")
+        problems = []
+        ends = time.monotonic() + 0.3
+        while time.monotonic() < ends:
+            try:
+                stream.driver.read()
+            except FeedbackError as error:
+                problems.append(str(error))
+            # The servo goes on writing while it brakes.
+            stream.driver.write(Setpoint(0, stream.q, position=stream.position))
+            time.sleep(0.002)
+        assert f"no feedback from {ur_robot.host} for 0.1" in problems[0]
+        frozen = ur_robot.wait_until(lambda s: s["setpoints"] > before)["ticks"]
+        after = ur_robot.wait_until(lambda s: s["ticks"] > frozen + 20)
+        assert 0 < after["setpoints"] - before < 0.11 / 0.002
     finally:
         stream.driver.close()
 
