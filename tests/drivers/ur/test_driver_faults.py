@@ -1,13 +1,13 @@
 """Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
 
 import pytest
-from ur_rig import device_of, fault_of, is_holding, recover, streaming, swing, until
+from ur_rig import device_of, fault_of, is_holding, press, recover, streaming, swing, until
 
 from emulated_ur import EmulatedRobot
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
-from orientd_ur.wire import Dashboard, RtdeClient
+from orientd_ur.wire import RtdeClient
 
 pytest.importorskip("rtde_control")
 
@@ -87,8 +87,7 @@ def test_safety_violation_needs_the_safety_system_restarted_and_is_then_recovere
         assert "safety violation" in text
         with pytest.raises(DaemonError, match="restart the safety system"):
             device.reset()
-        with Dashboard(ur_robot.host) as dashboard:
-            dashboard.ask("restart safety")
+        press(ur_robot.host, "restart safety")
         recover(device)
 
 

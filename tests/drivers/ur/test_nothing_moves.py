@@ -5,18 +5,19 @@ The judge is the emulated arm's own record of every joint in every cycle of 2 ms
 
 import os
 import signal
-import socket
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
 
 import pytest
 from arm_recording import read_arm
-from ur_rig import device_of, fault_of, is_holding, push, streaming, swing, until
+from ur_rig import device_of, fault_of, is_holding, press, push, streaming, swing, until
 
 from emulated_ur import EmulatedRobot, LaunchError
 from orientd.errors import Fault
 
 pytest.importorskip("rtde_control")
+
+pytestmark = pytest.mark.world
 
 HAND = (0.3, -0.3, 0.3, 0.3, 0.3, -0.3)
 CYCLE = 0.002
@@ -60,11 +61,7 @@ class Bench:
 
     def press(self, line):
         """Send a line to the dashboard server; its answer does not matter."""
-        with socket.create_connection((self._host, 29999), timeout=5.0) as sock:
-            lines = sock.makefile()
-            lines.readline()
-            sock.sendall(line.encode() + b"\n")
-            lines.readline()
+        press(self._host, line)
 
     def move_by_hand(self):
         """Move every joint; record the arm from then on."""

@@ -7,7 +7,7 @@ import random
 import time
 
 import pytest
-from ur_rig import bring, device_of, fault_of, push, recover, streaming, swing, until
+from ur_rig import bring, device_of, fault_of, press, push, recover, streaming, swing, until
 
 from emulated_ur import EmulatedRobot, LaunchError
 from orientd.clock import MonotonicClock
@@ -15,7 +15,6 @@ from orientd.driver import Setpoint
 from orientd.errors import DeviceError, DeviceFaultError, FeedbackError
 from orientd.floats import exp, multiply
 from orientd_ur import UrDriver
-from orientd_ur.wire import Dashboard
 
 pytest.importorskip("rtde_control")
 
@@ -30,18 +29,17 @@ def moved(robot, since):
     return math.dist(robot.state()["actual_q"], since)
 
 
-def press(robot, *, unlock):
+def play(robot, *, unlock):
     """Unlock and play on the dashboard; the answers do not matter."""
-    with Dashboard(robot.host) as dashboard:
-        if unlock:
-            until(
-                lambda: (
-                    dashboard.ask("unlock protective stop")
-                    and robot.state()["safety_mode"] == "NORMAL"
-                ),
-                "the unlocked stop",
-            )
-        return dashboard.ask("play")
+    if unlock:
+        until(
+            lambda: (
+                press(robot.host, "unlock protective stop")
+                and robot.state()["safety_mode"] == "NORMAL"
+            ),
+            "the unlocked stop",
+        )
+    return press(robot.host, "play")
 
 
 class Stream:
@@ -100,7 +98,7 @@ def test_arm_that_was_stopped_stays_when_somebody_presses_play(ur_robot, order, 
         stands = push(ur_robot, angles)
         if STOPS[order]:
             ur_robot.ask(STOPS[order])
-        press(ur_robot, unlock=order == "protective_stop")
+        play(ur_robot, unlock=order == "protective_stop")
         stream.run(0.6)
         assert moved(ur_robot, stands) < 1e-6
         assert ur_robot.state()["runtime_state"] == "STOPPED"
@@ -144,12 +142,11 @@ def test_random_stops_pushes_and_buttons_never_move_the_arm(ur_host):
                     stands = push(robot, [generator.uniform(-0.3, 0.3) for _ in range(6)])
                 if STOPS[order]:
                     robot.ask(STOPS[order])
-                with Dashboard(ur_host) as dashboard:
-                    if order == "protective_stop":
-                        dashboard.ask("unlock protective stop")
-                    for _ in range(generator.randint(1, 3)):
-                        dashboard.ask(generator.choice(buttons))
-                    dashboard.ask("play")
+                if order == "protective_stop":
+                    press(ur_host, "unlock protective stop")
+                for _ in range(generator.randint(1, 3)):
+                    press(ur_host, generator.choice(buttons))
+                press(ur_host, "play")
                 stream.run(0.12)
                 off = moved(robot, stands)
                 most = max(most, off)
@@ -211,9 +208,7 @@ def test_program_that_plays_during_a_fault_is_an_event(ur_robot):
         fault_of(device)
         ended = ur_robot.wait_until(lambda s: s["runtime_state"] == "STOPPED")
         ur_robot.wait_until(lambda s: s["ticks"] > ended["ticks"] + 50)
-        with Dashboard(ur_robot.host) as dashboard:
-            dashboard.ask("load other.urp")
-            assert dashboard.ask("play") == "Starting program"
+        assert press(ur_robot.host, "load other.urp", "play") == "Starting program"
         until(
             lambda: device.snapshot() and any("another program" in str(event) for event in events),
             lambda: f"the event in {events}",

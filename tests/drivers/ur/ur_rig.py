@@ -15,6 +15,7 @@ from orientd.daemon.device import Device
 from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream.records import ServoState
+from orientd_ur.wire import Dashboard
 
 # A busy machine may let nobody run for longer than a real controller ever pauses.
 PATIENT = {"feedback_timeout": 1.0, "heartbeat_timeout": 3.0}
@@ -29,6 +30,12 @@ def until(claim, what, seconds=30.0):
             raise AssertionError(f"{said}: not within {seconds} s")
         time.sleep(0.001)
     return found
+
+
+def press(host, *buttons):
+    """Send lines to the dashboard server, one behind another; return the last answer."""
+    with Dashboard(host) as dashboard:
+        return [dashboard.ask(button) for button in buttons][-1]
 
 
 @contextmanager
