@@ -154,6 +154,8 @@ def test_without_its_daemon_it_stops_on_the_path_and_ends(rig):
     rig.start(path)
     rig.run(500)
     rig.parent_is_alive = False
+    rig.run(8)
+    assert rig.cycle.state is ServoState.STOPPING
     rig.run_until(lambda servo: servo.has_ended)
     assert rig.servo.report()["reason"] == "the daemon is gone"
     assert_limits_kept(rig)
