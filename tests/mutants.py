@@ -34,7 +34,7 @@ FILE = Path(__file__).with_name("mutants.toml")
 PACKAGES = ("", "adapters", "drivers", "sim")
 """Folders of packages; in PYTHONPATH they come before those that are installed."""
 
-LONGEST = 300.0
+LONGEST = 1200.0
 """Time after which a run of tests that hangs counts as failed, s."""
 
 _LEFT_OUT = shutil.ignore_patterns(".git", ".*_cache", ".venv", ".hypothesis", "build", "dist")
@@ -95,9 +95,9 @@ class Copy:
         self._environment = {**os.environ, "PYTHONPATH": path}
         self._environment.pop("TEST_RUN_OF_ORIENTD", None)
 
-    def run(self, tests: list[str], *options: str) -> int:
-        """Run tests of the copy; return the exit status of pytest."""
-        always = ("-q", "-p", "no:cacheprovider", "-o", "timeout=60")
+    def run(self, tests: list[str], *options: str) -> tuple[int, str]:
+        """Run tests of the copy; return the exit status of pytest, and its summary."""
+        always = ("-q", "-p", "no:cacheprovider", "-o", "timeout=60", "--tb=no", "-rfE")
         return self._python("-m", "pytest", *always, *options, *tests)
 
     @contextlib.contextmanager
@@ -112,33 +112,43 @@ class Copy:
             shutil.copy2(one, aside)
         try:
             path.write_text(_content(path).replace(mutant.old, mutant.new), encoding="utf-8")
-            if is_kernel and self._python("orientd/kernels/build.py", processor.level()) != 0:
+            if is_kernel and self._python("orientd/kernels/build.py", processor.level())[0] != 0:
                 raise SystemExit(f"{mutant.name}: {mutant.file} does not compile")
             yield
         finally:
             for one, aside in kept.items():
                 aside.replace(one)
 
-    def _python(self, *words: str) -> int:
-        process = subprocess.Popen(
-            [sys.executable, *words], cwd=self._root, env=self._environment, process_group=0,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        try:
-            return process.wait(LONGEST)
-        except subprocess.TimeoutExpired:
-            return _FAILED
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+    def _python(self, *words: str) -> tuple[int, str]:
+        with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
+            process = subprocess.Popen(
+                [sys.executable, *words], cwd=self._root, env=self._environment, process_group=0,
+                stdin=subprocess.DEVNULL, stdout=output, stderr=output,
+            )  # fmt: skip
+            try:
+                status = process.wait(LONGEST)
+            except subprocess.TimeoutExpired:
+                status = _FAILED
+            finally:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+            output.seek(0)
+            return status, output.read()
 
 
 def red_tests(tests: list[str], copy: Copy, at_once: int) -> frozenset[str]:
-    """Return the tests that do not pass in an unchanged copy."""
-    if copy.run(tests, "-n", str(at_once), "--dist", "loadfile") == 0:
-        return frozenset()
-    return frozenset(test for test in tests if copy.run([test]) != 0)
+    """Return the tests that do not pass in an unchanged copy.
+
+    Raises:
+        SystemExit: they cannot be run.
+    """
+    status, summary = copy.run(tests, "-n", str(at_once), "--dist", "loadfile")
+    lines = [line for line in summary.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+    red = frozenset(test for test in tests if any(test in line for line in lines))
+    if status != 0 and not (status == _FAILED and red):
+        raise SystemExit(f"the tests cannot be run:\n{summary[-2000:]}")
+    return red
 
 
 def outcome(mutant: Mutant, copy: Copy, red: frozenset[str]) -> str:
@@ -146,7 +156,7 @@ def outcome(mutant: Mutant, copy: Copy, red: frozenset[str]) -> str:
     if failing := red.intersection(mutant.test):
         return f"FAILS without it: {', '.join(sorted(failing))}"
     with copy.changed(mutant):
-        status = copy.run([*mutant.test], "-x")
+        status, _ = copy.run([*mutant.test], "-x")
     return {0: "SURVIVES", _FAILED: "killed"}.get(status, f"DOES NOT RUN: status {status}")
 
 

@@ -12,7 +12,7 @@ from orientd.client import trust
 from orientd.client.channel import Way
 from orientd.client.stop_call import ask_to_stop
 from orientd.client.trust import check_folder, check_socket
-from orientd.errors import DaemonError
+from orientd.errors import AccessError, DaemonError
 
 OTHER = 54321
 
@@ -188,6 +188,11 @@ def test_answers_from_a_folder_that_others_can_write_are_no_stop(folder, stop_fo
     stop_folder.chmod(0o777)
     with pytest.raises(DaemonError, match=f"others can write {stop_folder}"):
         ask_to_stop(folder / "control.sock", "stop", answers={"arm": ("took HOLDING 1", 0)})
+
+
+def test_a_stop_that_a_servo_refuses_is_refused(folder, stop_folder):
+    with pytest.raises(AccessError, match=f"user {OTHER} is not admitted"):
+        ask_to_stop(folder / "control.sock", "stop", answers={"arm": (f"refused {OTHER}", 0)})
 
 
 def test_a_device_that_does_not_answer_a_stop_is_named(folder, stop_folder):
