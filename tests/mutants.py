@@ -175,6 +175,7 @@ def main(words: list[str], root: Path = ROOT, file: Path = FILE) -> int:
         print("\n".join(wrong), file=sys.stderr)
         return 1
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        Path(folder).chmod(0o755)  # for tests that act as another user
         copies: SimpleQueue[Copy] = SimpleQueue()
         for number in range(given.n):
             copies.put(copy := Copy(root, Path(folder) / str(number)))
