@@ -94,6 +94,7 @@ class Copy:
         path = os.pathsep.join(str(self._root / name) for name in PACKAGES)
         self._environment = {**os.environ, "PYTHONPATH": path}
         self._environment.pop("TEST_RUN_OF_ORIENTD", None)
+        self._seconds = 0
 
     def run(self, tests: list[str], *options: str) -> tuple[int, str]:
         """Run tests of the copy; return the exit status of pytest, and its summary."""
@@ -106,12 +107,14 @@ class Copy:
         path = self._root / mutant.file
         library = self._root / processor.library().relative_to(ROOT)
         is_kernel = path.parent == self._root / processor.SOURCES.relative_to(ROOT)
-        # With their times, by which Python knows modules whose compiled form is old.
         kept = {one: one.with_suffix(".kept") for one in [path, library][: 1 + is_kernel]}
         for one, aside in kept.items():
             shutil.copy2(one, aside)
         try:
             path.write_text(_content(path).replace(mutant.old, mutant.new), encoding="utf-8")
+            # By its time, a whole number of seconds, Python knows that a compiled module is old.
+            self._seconds += 1
+            os.utime(path, (self._seconds, self._seconds))
             if is_kernel and self._python("orientd/kernels/build.py", processor.level())[0] != 0:
                 raise SystemExit(f"{mutant.name}: {mutant.file} does not compile")
             yield
