@@ -76,9 +76,14 @@ def problems(mutants: list[Mutant], root: Path = ROOT) -> Iterator[str]:
         if not mutant.test or not mutant.breaks:
             yield f"{name}: expected a test and what breaks"
         for test in mutant.test:
-            file, _, function = test.partition("::")
-            if f"def {function.partition('[')[0]}(" not in _content(root / file):
+            if _place(test, root)[1] < 0:
                 yield f"{name}: there is no test {test}"
+
+
+def _place(test: str, root: Path) -> tuple[str, int]:
+    """Return the file of a test and its place there, -1 if there is none."""
+    file, _, function = test.partition("::")
+    return file, _content(root / file).find(f"def {function.partition('[')[0]}(")
 
 
 def _content(path: Path) -> str:
@@ -182,7 +187,10 @@ def main(words: list[str], root: Path = ROOT, file: Path = FILE) -> int:
         copies: SimpleQueue[Copy] = SimpleQueue()
         for number in range(given.n):
             copies.put(copy := Copy(root, Path(folder) / str(number)))
-        red = red_tests(sorted({test for one in mutants for test in one.test}), copy, given.n)
+        tests = {test for one in mutants for test in one.test}
+        # As in their files: tests that share a daemon may end what others need.
+        in_order = sorted(tests, key=lambda test: _place(test, root))
+        red = red_tests(in_order, copy, given.n)
 
         def run(mutant: Mutant) -> bool:
             free = copies.get()
