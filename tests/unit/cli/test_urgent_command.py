@@ -191,6 +191,7 @@ def test_whatever_else_is_left_to_the_command_line(stops, arguments):
 def test_a_daemon_that_is_reached_over_tcp_is_left_to_the_command_line(stops, monkeypatch):
     monkeypatch.delenv("ORIENTD_SOCKET")
     monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
+    assert first_stop.plain(["stop"]) is None
     assert not run(["stop"])
 
 

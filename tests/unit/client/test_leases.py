@@ -42,8 +42,9 @@ class Daemon:
 
     def renew(self, request):
         self.renewed.release()
-        if self.failures:
-            raise self.failures.pop(0)
+        failure = self.failures.pop(0) if self.failures else None
+        if failure is not None:
+            raise failure
         return pb.LeaseResponse()
 
     def release(self, request):
@@ -134,6 +135,29 @@ def test_a_daemon_that_is_slow_once_does_not_cost_the_lease(daemon, leases):
     for _ in range(RENEWALS + 2):
         assert daemon.renewed.acquire(timeout=10.0)
     assert leases.is_held("arm")
+
+
+def test_a_daemon_that_is_slow_now_and_then_does_not_cost_the_lease(daemon, leases):
+    daemon.failures = [DaemonError("slow"), None] * RENEWALS
+    quick(daemon, leases)
+    for _ in range(2 * RENEWALS + 2):
+        assert daemon.renewed.acquire(timeout=10.0)
+    assert leases.is_held("arm")
+
+
+def test_a_lease_is_renewed_before_it_expires(daemon, leases):
+    daemon.seconds = 1.5
+    leases.needed("arm")
+    assert daemon.renewed.acquire(timeout=daemon.seconds)
+
+
+def test_a_released_lease_is_renewed_no_more(daemon, leases):
+    quick(daemon, leases)
+    leases.release()
+    renewals = 0
+    while daemon.renewed.acquire(timeout=0.1):
+        renewals += 1
+        assert renewals < 500
 
 
 def test_a_daemon_that_is_gone_costs_the_lease(daemon, leases):

@@ -12,7 +12,7 @@ from orientd.client import trust
 from orientd.client.channel import Way
 from orientd.client.stop_call import ask_to_stop
 from orientd.client.trust import check_folder, check_socket
-from orientd.errors import DaemonError
+from orientd.errors import AccessError, DaemonError
 
 OTHER = 54321
 
@@ -169,3 +169,34 @@ def test_the_folder_of_the_system_is_whose_root_says(folder, monkeypatch):
     os.chown(folder, OTHER, OTHER)
     monkeypatch.setattr(trust, "SYSTEM_SOCKET", str(folder / "control.sock"))
     check_folder(folder)
+
+
+@pytest.fixture
+def stop_folder(folder):
+    made = folder / "control.sock.stop"
+    made.mkdir(mode=0o700)
+    return made
+
+
+def test_an_answer_of_another_user_is_no_stop(folder, stop_folder):
+    answers = {"arm": ("took HOLDING 1", OTHER)}
+    with pytest.raises(DaemonError, match=rf"{stop_folder / 'arm'} is of .*{OTHER}"):
+        ask_to_stop(folder / "control.sock", "stop", answers=answers)
+
+
+def test_answers_from_a_folder_that_others_can_write_are_no_stop(folder, stop_folder):
+    stop_folder.chmod(0o777)
+    with pytest.raises(DaemonError, match=f"others can write {stop_folder}"):
+        ask_to_stop(folder / "control.sock", "stop", answers={"arm": ("took HOLDING 1", 0)})
+
+
+def test_a_stop_that_a_servo_refuses_is_refused(folder, stop_folder):
+    with pytest.raises(AccessError, match=f"user {OTHER} is not admitted"):
+        ask_to_stop(folder / "control.sock", "stop", answers={"arm": (f"refused {OTHER}", 0)})
+
+
+def test_a_device_that_does_not_answer_a_stop_is_named(folder, stop_folder):
+    answers = {"arm": ("", -1), "leg": ("took HOLDING 1", 0)}
+    told = "no servo of arm answers the stop: it may still move; told to stop: leg"
+    with pytest.raises(DaemonError, match=told):
+        ask_to_stop(folder / "control.sock", "stop", answers=answers)

@@ -484,6 +484,12 @@ def test_the_daemon_going_down_stops_all_devices_at_once(devices):
     assert not together.broken
 
 
+@pytest.mark.parametrize("speed", [0.0, -0.5, 1.5, float("nan")])
+def test_a_speed_that_is_none_or_above_the_planned_one_is_refused(arm, speed):
+    with pytest.raises(ValueError, match="speed must be above 0 and at most 1"):
+        arm.set_speed(speed)
+
+
 def test_a_lease_that_ends_stops_a_device_whose_reset_hangs(devices, arm, servo):
     lease, resetting, done = devices.leases.acquire("ana"), threading.Event(), threading.Event()
     run = begin(devices, arm, lease.token)

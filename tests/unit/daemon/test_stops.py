@@ -12,6 +12,7 @@ from orientd.config import AccessSettings
 from orientd.daemon.access.identity import RolePolicy
 from orientd.daemon.stops import StopFolder
 from orientd.errors import DaemonError
+from orientd.stream.records import Stop
 
 
 @pytest.fixture
@@ -28,6 +29,22 @@ def left_behind(path):
     """Make a stop socket that nobody listens at, as a killed servo leaves it."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as servo:
         servo.bind(str(path))
+
+
+def test_repeated_stops_of_one_process_are_one_line_with_their_number(folder, caplog):
+    caplog.set_level("INFO")
+    records = []
+    stop_folder = StopFolder(
+        folder.with_suffix(""),
+        RolePolicy(AccessSettings()),
+        record=lambda **one: records.append(one),
+    )
+    stops = [Stop(index, False, 7, os.getuid(), os.getgid()) for index in range(3)]
+    who = stop_folder.log_stops("arm", stops)
+    assert [(one["devices"], one["kind"], one["times"]) for one in records] == [
+        (["arm"], "stop", 3)
+    ]
+    assert caplog.messages[-1] == f"arm: stop by {who}, 3 times"
 
 
 def test_sockets_that_an_earlier_daemon_has_left_are_removed(folder):

@@ -7,7 +7,7 @@ import pytest
 from rig import PERIOD, TERMS, Rig, peaks
 from scipy.spatial.transform import Rotation
 
-from orientd.driver import ZERO
+from orientd.driver import ZERO, AxisLimits
 from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
 from orientd.servo.tracking.target_follower import TargetFollower
@@ -409,3 +409,20 @@ def test_terms_cross_the_mailbox_unchanged():
     record = struct.pack(f"{LIMIT_FLOATS}d", *servo_limits.floats())
     assert ServoLimits.from_floats(struct.unpack(f"{LIMIT_FLOATS}d", record)) == servo_limits
     assert not ServoLimits.from_floats(TERMS.floats()).has_axes
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_axis_gains_speed_up_to_its_limit_in_either_direction(sign):
+    guard, angle, speed = Guard(PERIOD), 0.0, 0.0
+    guard.know([AxisLimits("pan", -9.0, 9.0, velocity=1.0, acceleration=10.0)])
+    guard.anchor(Q, ZERO, (angle,))
+    while speed < 0.99:
+        speed += 5.0 * PERIOD
+        angle += sign * speed * PERIOD
+        assert guard.admit(Q, ZERO, TERMS, (angle,)) == ""
+    problem = ""
+    while not problem and speed < 1.1:
+        speed += 5.0 * PERIOD
+        angle += sign * speed * PERIOD
+        problem = guard.admit(Q, ZERO, TERMS, (angle,))
+    assert problem == "velocity 1.01 rad/s of pan, the limit is 1 rad/s"

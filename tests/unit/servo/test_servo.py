@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,12 +129,30 @@ def test_random_speed_changes_keep_the_limits_and_the_path(rig):
     assert rig.cycle.q == tuple(path[0][-1])
 
 
+def test_a_speed_above_the_planned_one_is_refused(rig):
+    rig.start(turn())
+    rig.run(100)
+    for speed in (1.5, -0.1, float("nan")):
+        text = f"speed must be between 0 and 1, got {speed!r}"
+        assert rig.ask(Command.SPEED, speed=speed) == (Answer.REFUSED, text)
+
+
+def test_a_motion_that_could_not_be_stopped_takes_over_from_none(rig):
+    rig.start(turn())
+    rig.run(100)
+    for rate in (0.0, float("nan")):
+        answer = rig.ask(Command.SPLICE, servo_limits=replace(TERMS, brake_rate=rate))
+        assert answer == (Answer.REFUSED, f"brake rate must be positive, got {rate!r}")
+
+
 def test_a_starved_path_is_a_stop_on_the_path_and_a_fault(rig):
     path = turn(duration=4.0)
     rig.start(path, most=1000, is_whole=False)
+    rig.run_until(lambda servo: servo.state is ServoState.STOPPING)
+    begin = rig.cycle.path_index
     rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.cycle.fault == Fault.PATH_STARVED
-    assert rig.cycle.path_index < 1000
+    assert begin < rig.cycle.path_index < 1000
     assert_limits_kept(rig)
     assert distance_to_path(rig.sent(), path) < 1e-12
 
@@ -154,6 +173,8 @@ def test_without_its_daemon_it_stops_on_the_path_and_ends(rig):
     rig.start(path)
     rig.run(500)
     rig.parent_is_alive = False
+    rig.run(8)
+    assert rig.cycle.state is ServoState.STOPPING
     rig.run_until(lambda servo: servo.has_ended)
     assert rig.servo.report()["reason"] == "the daemon is gone"
     assert_limits_kept(rig)

@@ -29,6 +29,11 @@ def test_without_tables_there_are_root_and_the_daemons_own_user():
     assert not found.admits_others
 
 
+def test_root_is_admitted_by_the_daemon_of_another_user(monkeypatch):
+    monkeypatch.setattr(os, "geteuid", lambda: 54321)
+    assert role(policy().identify(Process(1, 0, (0,)))) is Role.ADMINISTRATOR
+
+
 def test_the_highest_role_counts():
     found = policy(users={"54321": "observer"}, groups={"500": "operator", "501": "observer"})
     assert found.admits_others

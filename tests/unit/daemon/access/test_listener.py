@@ -6,6 +6,7 @@ import itertools
 import socket
 import ssl
 import time
+from functools import partial
 
 import pytest
 from authority import Authority
@@ -63,7 +64,9 @@ class Daemon:
             raise PlanError("no way\nat all")
         if request.device == "broken":
             raise ZeroDivisionError("a mistake")
-        return pb.GetStateResponse(devices=[pb.DeviceReport(fault_text=caller.identity.key)])
+        who = caller.identity
+        device = pb.DeviceReport(name=who.role.name, fault_text=who.key)
+        return pb.GetStateResponse(devices=[device])
 
     async def watch(self, request, caller):
         try:
@@ -226,20 +229,41 @@ def free_port():
         return free.getsockname()[1]
 
 
-def test_a_certificate_that_expires_on_an_open_connection_counts_no_more(tmp_path, monkeypatch):
+def with_a_certificate(tmp_path):
+    """Return the settings of a daemon over TCP, and how a pendant with a certificate connects."""
     authority, port = Authority(tmp_path / "ca"), free_port()
     authority.issue("server", hosts="IP:127.0.0.1")
     authority.issue("pendant")
     ca, server, pendant = (tmp_path / "ca" / name for name in ("ca.pem", "server", "pendant"))
     files = {"certificate": f"{server}.pem", "key": f"{server}.key", "ca": str(ca)}
-    tcp = TcpSettings(listen=f"127.0.0.1:{port}", **files)
-    access = AccessSettings(certificates={"pendant": "operator"})
     trust = ssl.create_default_context(cafile=ca)
     trust.load_cert_chain(f"{pendant}.pem", f"{pendant}.key")
     trust.set_alpn_protocols(["h2"])
+    tcp = TcpSettings(listen=f"127.0.0.1:{port}", **files)
+    return tcp, partial(Channel, "127.0.0.1", port, ssl=trust)
+
+
+def test_a_reload_changes_the_role_of_an_open_connection(tmp_path):
+    tcp, connect = with_a_certificate(tmp_path)
+    before, after = (
+        AccessSettings(certificates={"pendant": role}) for role in ("operator", "observer")
+    )
 
     async def work(daemon):
-        with contextlib.closing(Channel("127.0.0.1", port, ssl=trust)) as channel:
+        with contextlib.closing(connect()) as channel:
+            assert (await get(channel)).devices[0].name == "OPERATOR"
+            daemon.listener.change(daemon.listener.read(after, None))
+            assert (await get(channel)).devices[0].name == "OBSERVER"
+
+    run(tmp_path, work, tcp=tcp, access=before)
+
+
+def test_a_certificate_that_expires_on_an_open_connection_counts_no_more(tmp_path, monkeypatch):
+    tcp, connect = with_a_certificate(tmp_path)
+    access = AccessSettings(certificates={"pendant": "operator"})
+
+    async def work(daemon):
+        with contextlib.closing(connect()) as channel:
             (device,) = (await get(channel)).devices
             assert device.fault_text == "certificate:pendant"
             in_ten_years = time.time() + 10.0 * 366 * 86_400
