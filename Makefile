@@ -24,11 +24,13 @@ VIRTUAL = $(SYSTEMS) tests/world tests/emulated
 AT_ONCE ?= 3
 PYTEST = $(BIN)/python -m pytest
 
+test: export TESTS_THAT_PASSED = $(CURDIR)/build/passed
 test:
-	@mkdir -p build && rm -f build/calculates.txt
+	@rm -rf build/passed build/calculates.txt && mkdir -p build/passed
 	@$(MAKE) --no-print-directory --keep-going --jobs=2 runs calculates; status=$$?; \
 	    test ! -e build/calculates.txt || cat build/calculates.txt; \
-	    $(MAKE) --no-print-directory terminals && exit $$status
+	    $(MAKE) --no-print-directory terminals || status=1; \
+	    $(BIN)/python tests/promises.py build/passed; exit $$status
 
 runs: $(VENV)/.dev
 	@$(PYTEST) --systems processes -n $(AT_ONCE) --dist loadfile $(SYSTEMS)

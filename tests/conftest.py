@@ -134,6 +134,16 @@ def pytest_runtest_protocol(item, nextitem):
     return True
 
 
+def pytest_runtest_logreport(report):
+    """Note a test that has passed, for the ledger of promises; see promises.py."""
+    folder = os.environ.get("TESTS_THAT_PASSED")
+    is_worker = "PYTEST_XDIST_WORKER" in os.environ
+    if folder and report.when == "call" and report.passed and not is_worker:
+        function = report.nodeid.partition("[")[0].removeprefix("tests/")
+        with (Path(folder) / str(os.getpid())).open("a") as names:
+            names.write(f"{function}\n")
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session):
     """Fail a run that leaves processes behind, and end these."""

@@ -98,7 +98,8 @@ class Copy:
         self._root = Path(shutil.copytree(root, folder, ignore=_LEFT_OUT, symlinks=True))
         path = os.pathsep.join(str(self._root / name) for name in PACKAGES)
         self._environment = {**os.environ, "PYTHONPATH": path}
-        self._environment.pop("TEST_RUN_OF_ORIENTD", None)
+        for name in ("TEST_RUN_OF_ORIENTD", "TESTS_THAT_PASSED"):
+            self._environment.pop(name, None)
         self._seconds = 0
 
     def run(self, tests: list[str], *options: str) -> tuple[int, str]:

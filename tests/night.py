@@ -4,7 +4,8 @@
 
     python tests/night.py [NAME ...]
 
-goes on after a failure, prints a table at the end, and writes the dates into night.toml.
+goes on after a failure, prints a table at the end, and writes the dates into night.toml, and those
+of tests that hold a promise into passed_at_night.toml.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import tomllib
 from datetime import UTC, datetime
@@ -28,11 +30,14 @@ PATIENCE = 30.0
 """Time that a run has to end by itself after its time-out, s."""
 
 
-def run(command: str, minutes: float) -> str:
-    """Run a command of a shell; return how that ended."""
+def run(command: str, minutes: float, folder: Path) -> str:
+    """Return how a command of a shell ends; its tests note in *folder* that they passed."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     shell = subprocess.Popen(
-        ["sh", "-c", command], cwd=ROOT, env={**os.environ, "PATH": path}, process_group=0
+        ["sh", "-c", command],
+        cwd=ROOT,
+        env={**os.environ, "PATH": path, "TESTS_THAT_PASSED": str(folder)},
+        process_group=0,
     )
     try:
         status = shell.wait(60.0 * minutes)
@@ -64,6 +69,21 @@ def note(text: str, name: str, outcome: str) -> str:
     return "".join([head, table, inside, *others])
 
 
+def note_promises(folder: Path) -> None:
+    """Write into a file of promises.py which of their tests passed today."""
+    import promises  # it needs the environment that the runs need, and --list does not
+
+    ledger = tomllib.loads(promises.FILE.read_text(encoding="utf-8"))
+    lines = promises.places(ledger)
+    named = {test for _, _, tests in lines for test in promises.tests_of_promise(tests)}
+    text = promises.AT_NIGHT.read_text(encoding="utf-8")
+    dates = dict.fromkeys(promises.passed(folder) & named, f"{datetime.now(UTC):%Y-%m-%d}")
+    rows = sorted((tomllib.loads(text) | dates).items())
+    comments = [line for line in text.splitlines() if line.startswith("#")]
+    said = [*comments, *(f'"{test}" = "{date}"' for test, date in rows if test in named)]
+    promises.AT_NIGHT.write_text("\n".join(said) + "\n", encoding="utf-8")
+
+
 def main(names: list[str]) -> int:
     """Run the runs of some names, by default all; return the exit status."""
     runs: dict[str, dict[str, Any]] = tomllib.loads(FILE.read_text(encoding="utf-8"))
@@ -80,7 +100,9 @@ def main(names: list[str]) -> int:
         budget = float(os.environ.get("BUDGET") or runs[name]["budget"])
         print(f"{name}: {runs[name]['explains']}", flush=True)
         begin = time.monotonic()
-        outcome = run(runs[name]["command"], budget)
+        with tempfile.TemporaryDirectory() as folder:
+            outcome = run(runs[name]["command"], budget, Path(folder))
+            note_promises(Path(folder))
         took = (time.monotonic() - begin) / 60.0
         is_good &= outcome == "passed"
         lines.append(f"{name:10}{took:9.1f}{budget:9g}  {outcome}")

@@ -1,4 +1,12 @@
-"""Check that promises.toml is complete and that its tests exist.  Run by ``make check``."""
+"""Check that promises.toml is complete and that its tests exist.  Run by ``make check``.
+
+::
+
+    python tests/promises.py [FOLDER]
+
+With the folder in which a run has noted the tests that passed, as ``make test`` does it, this says
+by what the promises are held: by tests of this run, by tests that passed at night, or by nothing.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +27,9 @@ from orientd.cli.main import app
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
 FILE = TESTS / "promises.toml"
+
+AT_NIGHT = TESTS / "passed_at_night.toml"
+"""When each test of a promise passed last in ``make night``."""
 
 PAGES = ("README.md", "SECURITY.md", "docs/explanation/*.md", "docs/how-to/*.md")
 """Pages of which each heading has a promise, or is among those that explain."""
@@ -50,10 +61,40 @@ def places(promises: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
                 yield table, name, value
 
 
+def tests_of_promise(tests: str | list[str]) -> list[str]:
+    """Return the tests of one line."""
+    return [tests] if isinstance(tests, str) else tests
+
+
+def passed(folder: Path) -> frozenset[str]:
+    """Return the tests that have passed, as a run has noted them in a folder."""
+    notes = (one.read_text(encoding="utf-8") for one in folder.iterdir())
+    return frozenset(line for note in notes for line in note.splitlines())
+
+
+def held(promises: Mapping[str, Any], now: frozenset[str], at_night: Mapping[str, str]) -> str:
+    """Return how many promises are held by tests that ran, and a line for each that is not."""
+    counts, dates, unheld = 0, [], []
+    for place, says, tests in places(promises):
+        own = tests_of_promise(tests)
+        if not now.isdisjoint(own):
+            counts += 1
+        elif nights := [at_night[test] for test in own if test in at_night]:
+            dates.append(max(nights))
+        else:
+            unheld.append(f'{place}: "{says}" needs {" or ".join(own)}')
+    since = f", since {min(dates)} or later" if dates else ""
+    first = (
+        f"promises: {counts} held by tests that passed now, "
+        f"{len(dates)} by tests that passed at night{since}, {len(unheld)} by none"
+    )
+    return "\n".join([first, *unheld])
+
+
 def missing_tests(promises: Mapping[str, Any]) -> Iterator[str]:
     """Yield tests that a promise names and that are not there."""
     for place, says, tests in places(promises):
-        for test in [tests] if isinstance(tests, str) else tests:
+        for test in tests_of_promise(tests):
             file, _, name = test.partition("::")
             if name not in tests_of(file):
                 yield f'{place}: "{says}" is held by {test}, which is not there'
@@ -135,16 +176,21 @@ def kinds(promises: Mapping[str, Any]) -> Iterator[str]:
         yield from (f"{table}: no test holds {one}" for one in sorted(names - held))
 
 
-def main() -> int:
+def main(words: list[str]) -> int:
+    """Check the ledger, or say by what its promises are held; return the exit status."""
     promises = tomllib.loads(FILE.read_text(encoding="utf-8"))
+    if words:
+        at_night = tomllib.loads(AT_NIGHT.read_text(encoding="utf-8"))
+        print(held(promises, passed(Path(words[0])), at_night))
+        return 0
     checks = (missing_tests, headings, command_line, kinds)
     problems = [problem for check in checks for problem in check(promises)]
     for problem in problems:
-        sys.stdout.write(f"promises.toml: {problem}\n")
+        print(f"promises.toml: {problem}")
     if not problems:
-        sys.stdout.write(f"{sum(1 for _ in places(promises))} promises with their tests\n")
+        print(f"{sum(1 for _ in places(promises))} promises with their tests")
     return 1 if problems else 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main(sys.argv[1:]))

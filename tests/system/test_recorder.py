@@ -36,14 +36,13 @@ def run_motion(daemon, seconds):
     return summary
 
 
-def recorder(daemon, path, **more):
+def recorder(daemon, path):
     """Return a recorder that has begun."""
-    process = begin(
-        "record", path, "--json", env=environment(ORIENTD_SOCKET=str(daemon.socket)), **more
-    )
+    process = begin("record", path, "--json", env=environment(ORIENTD_SOCKET=str(daemon.socket)))
 
     def is_begun():
         daemon.renew()
+        assert process.poll() is None, process.communicate()
         return path.exists() and path.stat().st_size > 0
 
     until(is_begun, "a recording", 30.0)
@@ -167,10 +166,8 @@ def test_planned_values_are_those_of_the_plan(daemon, tmp_path):
 
 @pytest.mark.real
 def test_a_full_disk_ends_the_recording_and_not_the_motion(daemon, tmp_path):
-    def limited():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
-
-    process = recorder(daemon, tmp_path / "a.mcap", preexec_fn=limited)
+    process = recorder(daemon, tmp_path / "a.mcap")
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (30_000, 30_000))
     summary = run_motion(daemon, 2.0)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)

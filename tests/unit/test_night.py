@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import night
+import promises
 import pytest
 
 ROOT = Path(night.__file__).parents[1]
@@ -34,6 +35,9 @@ def file(tmp_path, monkeypatch):
     file.write_text(RUNS)
     monkeypatch.setattr(night, "FILE", file)
     monkeypatch.setattr(night, "PATIENCE", 0.3)
+    dates = tmp_path / "passed_at_night.toml"
+    dates.touch()
+    monkeypatch.setattr(promises, "AT_NIGHT", dates)
     return file
 
 
@@ -60,7 +64,7 @@ def test_a_run_that_is_longer_than_its_budget_ends_with_all_that_it_has_started(
     pid = tmp_path / "pid"
     slow = f"trap '' INT; sh -c 'trap \"\" INT; echo $$ > {pid}; sleep 60'; sleep 60"
     begin = time.monotonic()
-    assert night.run(slow, 0.5 / 60.0) == "not within 0.00833333 min"
+    assert night.run(slow, 0.5 / 60.0, tmp_path) == "not within 0.00833333 min"
     assert time.monotonic() - begin < 20.0
     child = Path(f"/proc/{int(pid.read_text())}/stat")
     assert not child.exists() or child.read_text().rsplit(")", 1)[1].split()[0] == "Z"
