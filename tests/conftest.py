@@ -139,7 +139,7 @@ def pytest_runtest_logreport(report):
     folder = os.environ.get("TESTS_THAT_PASSED")
     is_worker = "PYTEST_XDIST_WORKER" in os.environ
     if folder and report.when == "call" and report.passed and not is_worker:
-        function = report.nodeid.partition("[")[0].removeprefix("tests/")
+        function = os.path.relpath(report.nodeid.partition("[")[0], "tests")
         with (Path(folder) / str(os.getpid())).open("a") as names:
             names.write(f"{function}\n")
 

@@ -106,12 +106,12 @@ def assert_replaced(rig, pid, count, seconds):
 
 
 def test_a_killed_planner_fails_its_own_call_alone_and_is_replaced(rig, endless):
+    rig.await_sleep()
     count = len(rig.planners())
-    with motion(rig, 4.0), small_plans(rig):
-        with under_way(rig, endless) as (call, pid):
-            os.kill(pid, signal.SIGKILL)
-            until(call.done, "an answer", PROMPT)
-            text = call.details()
+    with under_way(rig, endless) as (call, pid), motion(rig, 4.0), small_plans(rig):
+        os.kill(pid, signal.SIGKILL)
+        until(call.done, "an answer", PROMPT)
+        text = call.details()
         assert text
         assert "\n" not in text
         assert "Traceback" not in text
@@ -124,6 +124,7 @@ def test_a_killed_planner_fails_its_own_call_alone_and_is_replaced(rig, endless)
 def test_a_plan_ends_at_its_deadline_and_leaves_a_planner(request, endless, whose, is_stopped):
     name, timeout = ("rig", PLAN_TIMEOUT) if whose == "the caller" else ("hasty_rig", None)
     rig = request.getfixturevalue(name)
+    rig.await_sleep()
     count = len(rig.planners())
     begun = time.monotonic()
     with under_way(rig, endless, timeout) as (call, pid):

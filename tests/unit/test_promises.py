@@ -54,7 +54,7 @@ def test_what_has_passed_is_noted_and_nothing_else(tmp_path):
         env={**own, "TESTS_THAT_PASSED": str(passed), "PYTHONPATH": str(promises.TESTS)},
         cwd=tmp_path, capture_output=True, check=False,
     )  # fmt: skip
-    assert promises.passed(passed) == {"test_one.py::test_passes"}
+    assert promises.passed(passed) == {"../test_one.py::test_passes"}
 
 
 def test_a_night_notes_the_date_of_the_tests_of_promises_alone(tmp_path, monkeypatch):
