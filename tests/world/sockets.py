@@ -176,14 +176,28 @@ class VirtualSelector(selectors.PollSelector):
         return ready
 
 
+def _ready(*wanted):
+    """Return which of three lists are ready, as ``select`` does; their numbers may be large."""
+    poll, results = select.poll(), []
+    for ones, event in zip(wanted, (select.POLLIN, select.POLLOUT, select.POLLPRI), strict=True):
+        for one in ones:
+            poll.register(one, event)
+        found = {number for number, _ in poll.poll(0)}
+        numbers = [one if isinstance(one, int) else one.fileno() for one in ones]
+        results.append([one for one, number in zip(ones, numbers, strict=True) if number in found])
+        for number in set(numbers):
+            poll.unregister(number)
+    return tuple(results)
+
+
 def of_sockets(world):
     """Return what sockets find in a world: owners, names and values to replace."""
-    world.sockets, really = Waiting(world.scheduler), select.select
+    world.sockets = Waiting(world.scheduler)
 
     def selected(reading, writing, failing, timeout=None):
         until_ns = world.sockets.end(timeout)
         while True:
-            ready = really(reading, writing, failing, 0)
+            ready = _ready(reading, writing, failing)
             if any(ready) or not world.sockets.wait(until_ns):
                 return ready
 

@@ -11,6 +11,7 @@ import contextlib
 import functools
 import logging
 import os
+import resource
 import secrets
 import threading
 from unittest import mock
@@ -144,6 +145,9 @@ class VirtualRunner:
 
     def __init__(self, seed):
         self._seed, self._world, self._module = seed, None, ""
+        # What a killed process of a world had open stays open here.
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
     def run(self, item, nextitem):
         """Run a test with its fixtures."""
