@@ -63,8 +63,7 @@ class ClientListener:
     """
 
     def __init__(self, listener: socket.socket) -> None:
-        """Accept clients at a socket that listens; as many may come at once as it may have."""
-        listener.listen(MOST_CLIENTS)
+        """Accept clients at a socket that listens."""
         self._listener = listener
         self._open: list[socket.socket] = []
         self._spare = _spare_descriptor()

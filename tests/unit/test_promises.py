@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import night
 import promises
@@ -58,16 +57,15 @@ def test_what_has_passed_is_noted_and_nothing_else(tmp_path):
 
 
 def test_a_night_notes_the_date_of_the_tests_of_promises_alone(tmp_path, monkeypatch):
-    (tmp_path / "1").write_text("a.py::one\nunit/test_c.py::test_of_no_promise\n")
     file = tmp_path / "at_night.toml"
     file.write_text('# A comment.\n"b.py::two" = "2026-01-01"\n"gone.py::three" = "2026-01-01"\n')
     ledger = tmp_path / "promises.toml"
     ledger.write_text('["README.md".""]\n"It stops." = ["a.py::one", "b.py::two"]\n')
     monkeypatch.setattr(promises, "AT_NIGHT", file)
     monkeypatch.setattr(promises, "FILE", ledger)
-    folder = Path(tmp_path / "passed")
+    folder = tmp_path / "passed"
     folder.mkdir()
-    (tmp_path / "1").rename(folder / "1")
+    (folder / "1").write_text("a.py::one\nunit/test_c.py::test_of_no_promise\n")
     night.note_promises(folder)
     assert file.read_text().startswith("# A comment.\n")
     dates = tomllib.loads(file.read_text())

@@ -132,6 +132,7 @@ class Telemetry:
             raise ConfigError(
                 f"metrics.port: cannot listen at 127.0.0.1:{settings.port}: {error.strerror}"
             ) from error
+        server.socket.listen()  # its own queue holds five clients; others would wait for 1 s
         self._listener = ClientListener(server.socket)
         server.get_request = self._listener.accept
         return server
