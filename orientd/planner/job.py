@@ -20,6 +20,7 @@ from orientd.planner.certify.summary import before, summed_up
 from orientd.planner.connect.connector import join_in
 from orientd.planner.connect.leads import CONNECTIONS, USUAL, Connection, LeadIn, lead_in, lead_out
 from orientd.planner.connect.position_stop import position_lead
+from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, end_states, position_path
@@ -251,7 +252,7 @@ class PlanJob:
         try:
             lead = lead_out(last, limits=self.limits, period=self.period)
         except PlanError as error:
-            raise refusal.LeadOutError(f"no lead-out from the last keyframe: {error}") from error
+            raise LeadOutError(f"no lead-out from the last keyframe: {error}") from error
         return [lead.shifted(end)]
 
     def with_leads(self, path: KeyframePath | State, lead: LeadIn | None) -> KeyframePath:

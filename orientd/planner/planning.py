@@ -20,6 +20,7 @@ from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
 from orientd.planner.certify.brake import LONGEST_STOP, longest_stop_from, share_to_stop
 from orientd.planner.connect.leads import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
+from orientd.planner.errors import JoinError, LeadOutError, TotalError
 from orientd.planner.job import PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
@@ -274,7 +275,7 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
     tried.attempt("the quickest timing", quick)
     if tried.best is None:
         refused = tried.refused["the quickest timing"]
-        if isinstance(refused, refusal.TotalError):
+        if isinstance(refused, TotalError):
             raise refused
         _evenly(job, name, tried)
     elif total is None and job.has_one_shape and curve()[2]:
@@ -587,11 +588,11 @@ def timed(
                 raise
             limits, refused = _lowered(limits, error.unit, over, path), error
             continue
-        except (refusal.LeadOutError, refusal.JoinError) as error:
+        except (LeadOutError, JoinError) as error:
             # An even pace may use the full limits, without a reserve for a lead.
             if not is_even:
                 raise
-            slower = _TO_JOIN if isinstance(error, refusal.JoinError) else _TO_LEAVE
+            slower = _TO_JOIN if isinstance(error, JoinError) else _TO_LEAVE
             limits, refused = limits.slowed(slower), error
             continue
         before, last, motion = motion, stop_time, found

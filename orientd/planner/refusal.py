@@ -14,6 +14,7 @@ from orientd.model.request import DEFAULT_METHOD, MotionRequest, Pace
 from orientd.planner.certify.brake import longest_stop_beside, longest_stop_from
 from orientd.planner.certify.certificate import Peak
 from orientd.planner.certify.measuring import Peaks
+from orientd.planner.errors import TotalError
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
@@ -38,30 +39,8 @@ _ABOUT = ("", *(f" about {axis}" for axis in AXES))
 """The limited quantities: the norm and the components."""
 
 
-class LeadOutError(PlanError):
-    """No lead-out leads from the last keyframe to rest."""
-
-
-class JoinError(PlanError):
-    """No connector leads from the state of the device onto a curve that begins there."""
-
-
-class TotalError(PlanError):
-    """The keyframes take longer than the requested duration.
-
-    Attributes:
-        least: their shortest duration, s.
-    """
-
-    def __init__(self, total: float, least: float) -> None:
-        super().__init__(
-            f"the keyframes take at least {least:.6g} s, got a duration of {total:g} s"
-        )
-        self.least = least
-
-
 def check_total(total: float, least: float) -> None:
-    """Raise :class:`TotalError` for a duration shorter than the fastest, s; or for one of days."""
+    """Raise :class:`.TotalError` for a duration shorter than the fastest, s; or for one of days."""
     check_duration(total)
     if total < least * (1.0 - _ROUNDING):
         raise TotalError(total, least)

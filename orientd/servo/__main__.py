@@ -3,7 +3,8 @@
 import os
 import sys
 
-from orientd.servo.process import ProcessSettings, run
+from orientd.servo.process import run
+from orientd.servo.settings import ProcessSettings
 
 if __name__ == "__main__":
     status = run(int(sys.argv[1]), ProcessSettings.from_json(sys.stdin.read()))

@@ -80,6 +80,15 @@ NO_Q: Quaternion = (math.nan, math.nan, math.nan, math.nan)
 PATH_FLOATS = 16 + 2 * JOINTS
 PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 
+FINAL_WORD = 1
+"""Word of the path ring: one more than the index of the newest motion's last record.
+
+It is 0, or that of a previous motion, until that record is written.
+"""
+
+TAIL_WORD = 2
+"""Word of the path ring: index of the oldest record that the servo still needs."""
+
 # index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
 # state, fault, motion, flags, overruns, missed |
 # path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3),
@@ -96,6 +105,13 @@ UNKNOWN = -1
 TARGET_RECORD = struct.Struct("@Qqq10d")
 NOT_GIVEN: Vector3 = (math.nan, math.nan, math.nan)
 """Velocity or position of a target that has none."""
+
+LEFT_OUT_WORD = 1
+"""Word of the ring of targets: number of skipped targets."""
+
+HELD_WORD = 2
+"""Word of the ring of targets: one more than the place of the keep-out cone that holds the target
+at its edge; 0 for none."""
 
 CHUNK_POSES = 64
 """Poses of a chunk, at most."""

@@ -1,7 +1,6 @@
 """Transitions between motions in a real daemon: replace, queue, halt, track."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,18 +97,6 @@ def test_a_motion_is_replaced_on_its_way_without_a_step(daemon, robot):
     assert measured.acceleration <= ACCELERATION * 1.001
     assert measured.jerk <= JERK * 1.001
     assert state(robot).fault_text == ""
-
-
-@pytest.mark.real
-def test_the_daemon_moves_devices_without_numpy(process, robot):
-    long_turn(robot)
-    robot.move([key(0.4, 0, 0), key(0.4, 0.3, 0)], approach=True)
-    robot.move([key(0.4, 0.3, 0), key(0, 0, 0)], queue=True, blend_tolerance=0.05).wait(20.0)
-    with pytest.raises(LimitError):
-        robot.plan([{"rotation_vector": [0, 0, z], "time": z / 30} for z in (0.0, 3.0)])
-    loaded = Path(f"/proc/{process.process.pid}/maps").read_text()
-    assert "numpy" not in loaded
-    assert "scipy" not in loaded
 
 
 def test_it_may_be_replaced_again_and_again(daemon, robot):

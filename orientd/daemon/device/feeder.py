@@ -10,8 +10,7 @@ import struct
 
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.planner.facts import MOTION_RECORD
-from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
-from orientd.stream.records import PATH_FLOATS
+from orientd.stream.records import FINAL_WORD, PATH_FLOATS, TAIL_WORD
 from orientd.stream.ring import RecordRing
 
 BLOCK = 512

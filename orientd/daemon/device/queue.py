@@ -21,9 +21,16 @@ from orientd.daemon.device.servo_process import ServoProcess
 from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
 from orientd.model.limits import Limits
 from orientd.planner.facts import MotionFacts
-from orientd.servo.path.path_follower import TAIL_WORD
 from orientd.servo.path.time_scaling import records_to_stop
-from orientd.stream.records import MOVING, UNKNOWN, Command, Cycle, ServoLimits, ServoState
+from orientd.stream.records import (
+    MOVING,
+    TAIL_WORD,
+    UNKNOWN,
+    Command,
+    Cycle,
+    ServoLimits,
+    ServoState,
+)
 
 _SOON = 1.0
 """How long before its start time the servo hears of the motion after a waiting one, s."""

@@ -21,8 +21,7 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.report_directory import report_directory
 from orientd.driver import Explaining, PartHealth, driver_target, python_command, python_version
 from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, NotYetError, StateError
-from orientd.servo.process import ProcessSettings
-from orientd.servo.tracking.target_follower import HELD_WORD
+from orientd.servo.settings import ProcessSettings
 from orientd.stream.memory import (
     GIVEN_UP_WORD,
     LONGEST_READ_WORD,
@@ -32,6 +31,7 @@ from orientd.stream.memory import (
     tuning_text,
 )
 from orientd.stream.records import (
+    HELD_WORD,
     UNKNOWN,
     Answer,
     Command,

@@ -14,9 +14,8 @@ from orientd.errors import LinkError, PlanError, RequestError
 from orientd.mechanism import Gimbal, Mechanical, Mechanism
 from orientd.mechanism.foresight import refusal
 from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
-from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
 from orientd.stream import Cycle
-from orientd.stream.records import NOT_GIVEN, Sample
+from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Sample
 
 _log = logging.getLogger(__name__)
 

@@ -18,8 +18,8 @@ from orientd import kernels
 from orientd.curves.basis import Indices
 from orientd.curves.trajectory import Trajectory
 from orientd.model.limits import LONGEST, Limits
-from orientd.planner import refusal
 from orientd.planner.certify.measuring import limit_table
+from orientd.planner.errors import JoinError
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
@@ -141,7 +141,7 @@ def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) 
         w, kept = try_joins(first, last, durations, start, limits)
         if len(kept):
             return join(start.q, w[kept[0]], float(durations[kept[0]]))
-    raise refusal.JoinError(
+    raise JoinError(
         "found no connector from the device's state onto the curve; use c2_cumulative, which can "
         "begin with it, or set `approach: true` to plan a lead-in"
     )

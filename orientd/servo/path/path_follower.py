@@ -20,18 +20,9 @@ from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
 from orientd.servo.keep_out_cones import MOST_DRIFT, SLACK, KeepOutCones
 from orientd.servo.path.segment import PathPoint, Segment, point_of
-from orientd.stream.records import NO_Q, UNKNOWN, ServoLimits
+from orientd.stream.records import FINAL_WORD, NO_Q, TAIL_WORD, UNKNOWN, ServoLimits
 from orientd.stream.ring import HEAD, RecordRing
 from orientd.tolerances import NORM_TOLERANCE
-
-FINAL_WORD = 1
-"""Word of the path ring: one more than the index of the newest motion's last record.
-
-It is 0, or that of a previous motion, until that record is written.
-"""
-
-TAIL_WORD = 2
-"""Word of the path ring: index of the oldest record that the servo still needs."""
 
 MOST_LEGS = 16
 """Most parts ahead of the current one."""

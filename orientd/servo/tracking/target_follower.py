@@ -37,7 +37,7 @@ from orientd.servo.tracking.chunks import (
 from orientd.servo.tracking.steering import position_command
 from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import Place, Tracker, TrackPoint
-from orientd.stream.records import ServoLimits
+from orientd.stream.records import HELD_WORD, LEFT_OUT_WORD, ServoLimits
 from orientd.stream.ring import RecordRing
 
 TARGETS_PER_CYCLE = 8
@@ -55,13 +55,6 @@ AHEAD_NS = 500_000_000
 
 MOST_WAITING = 16
 """Chunks that wait for their time; one more replaces the last of them."""
-
-LEFT_OUT_WORD = 1
-"""Word of the ring of targets: number of skipped targets."""
-
-HELD_WORD = 2
-"""Word of the ring of targets: one more than the place of the keep-out cone that holds the target
-at its edge; 0 for none."""
 
 SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
 """Shares of the change of speed towards a target that are tried in turn.

@@ -11,10 +11,9 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import LateError, NotYetError
-from orientd.servo.path.path_follower import TAIL_WORD
 from orientd.servo.path.time_scaling import records_to_stop
 from orientd.stream.memory import SharedMemory
-from orientd.stream.records import PATH_FLOATS, Command, ServoState
+from orientd.stream.records import PATH_FLOATS, TAIL_WORD, Command, ServoState
 
 PERIOD = 0.002
 

@@ -13,12 +13,13 @@ from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.keep_out import KeepOut
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.servo.servo import Servo
 from orientd.servo.watchdog import WatchdogTimeouts
 from orientd.stream.memory import SharedMemory
 from orientd.stream.records import (
+    FINAL_WORD,
     JOINTS,
+    TAIL_WORD,
     UNKNOWN,
     Answer,
     Command,

@@ -9,8 +9,7 @@ from rig import PERIOD_NS, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.errors import Fault
-from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
-from orientd.stream.records import NOT_GIVEN, Answer, Command, ServoState
+from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Answer, Command, ServoState
 
 LIMITS = (2.5, 17.0, 8500.0)
 

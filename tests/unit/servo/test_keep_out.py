@@ -15,7 +15,7 @@ from orientd.keep_out import KeepOut
 from orientd.mechanism import Gimbal
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import MOST_DRIFT, KeepOutCones
-from orientd.servo.process import ProcessSettings
+from orientd.servo.settings import ProcessSettings
 from orientd.stream.records import NOT_GIVEN, Answer, Command, NoteKind, ServoState
 from orientd.sun import Sun
 

@@ -11,16 +11,14 @@ from rig import PERIOD, TERMS
 from orientd.driver import IDENTITY, ZERO
 from orientd.floats import exp
 from orientd.servo.path.path_follower import (
-    FINAL_WORD,
     MOST_LEGS,
-    TAIL_WORD,
     PathFollower,
     PathPart,
     StarvedError,
 )
 from orientd.servo.path.segment import PathPoint
 from orientd.stream.memory import SharedMemory
-from orientd.stream.records import JOINTS, NO_JOINTS
+from orientd.stream.records import FINAL_WORD, JOINTS, NO_JOINTS, TAIL_WORD
 
 SPEED = 0.5  # rad/s about z
 STEP = SPEED * PERIOD

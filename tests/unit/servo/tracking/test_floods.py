@@ -9,8 +9,7 @@ from tracking_world import NS, World, servo_limits
 
 from orientd.floats import difference, exp, norm
 from orientd.servo.tracking import reference
-from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
-from orientd.stream.records import NOT_GIVEN, Answer, Command, ServoState
+from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Answer, Command, ServoState
 
 AMPLITUDE, HERTZ = 0.349, 0.25
 

@@ -1,0 +1,30 @@
+"""Reasons for a refusal that the planner itself tells apart.
+
+The daemon reads them from its planners, and has no use for NumPy otherwise: it takes 12 MiB.
+"""
+
+from __future__ import annotations
+
+from orientd.errors import PlanError
+
+
+class LeadOutError(PlanError):
+    """No lead-out leads from the last keyframe to rest."""
+
+
+class JoinError(PlanError):
+    """No connector leads from the state of the device onto a curve that begins there."""
+
+
+class TotalError(PlanError):
+    """The keyframes take longer than the requested duration.
+
+    Attributes:
+        least: their shortest duration, s.
+    """
+
+    def __init__(self, total: float, least: float) -> None:
+        super().__init__(
+            f"the keyframes take at least {least:.6g} s, got a duration of {total:g} s"
+        )
+        self.least = least
