@@ -15,6 +15,10 @@
 /* Least step of the acceleration that is looked for, rad in a period squared. */
 #define LEAST_STEP 2e-7
 
+/* A step of the acceleration this close to a record, in periods, is at the record.  So rounding
+ * does not decide which of two places explains the records. */
+#define AT_RECORD 1e-6
+
 /* The rotation vector from a record on, rad in powers of the share of a period. */
 typedef struct { vec_t first, second, third, step; double place; } law_t;
 
@@ -26,8 +30,10 @@ INLINE bend_t bend_at(double after, vec_t s, vec_t t, vec_t rise) {
     double m = after - 0.5, n = after * after - 1.0 / 3, scale = 1.0 / (m * m + n * n);
     vec_t step = plus(times(m * scale, s), times(n * scale, t)), rest = minus(rise, step);
     double gap = dot(rest, rest);
-    gap = after >= 0.0 ? gap : INFINITY;
-    return (bend_t){step, after, after <= 1.0 ? gap : INFINITY};
+    gap = after >= -AT_RECORD ? gap : INFINITY;
+    gap = after <= 1.0 + AT_RECORD ? gap : INFINITY;
+    after = after > 0.0 ? after : 0.0;
+    return (bend_t){step, after < 1.0 ? after : 1.0, gap};
 }
 
 /* Return the step of the acceleration between two records, or 0 if it is continuous. */

@@ -40,6 +40,12 @@ from orientd.stream.records import JOINTS
 LEAST_STEP = 2e-7
 """Least acceleration step that is detected, rad per squared period."""
 
+AT_RECORD = 1e-6
+"""A step of the acceleration this close to a record, in periods, is at the record.
+
+So rounding does not decide which of two places explains the records.
+"""
+
 _SEAM = 0.0625  # rad^2, below which a series replaces the quotient that cancels
 
 
@@ -182,7 +188,7 @@ def _bent(
     # Two places explain the same records; the change between the steps tells which one is right.
     found: tuple[float, float, Vector3] | None = None
     for w in places:
-        if 0.0 <= w <= 1.0:
+        if -AT_RECORD <= w <= 1.0 + AT_RECORD:
             m, n = w - 0.5, w * w - 1.0 / 3.0
             scale = 1.0 / (m * m + n * n)
             m, n = m * scale, n * scale
@@ -194,6 +200,7 @@ def _bent(
     if found is None:
         return cubic
     _, w, step = found
+    w = min(max(w, 0.0), 1.0)
     x, y, z = step
     # Correct the cubic, so that value and slope at the end stay the same.
     b, c = w * (1.0 - 1.5 * w), w * (w - 1.0)

@@ -113,6 +113,43 @@ def test_a_step_of_the_acceleration_is_met_where_it_is(place, jerk):
         np.testing.assert_allclose(planned.omega_body, found.omega_body, atol=1e-10)
 
 
+def turning_with_a_step(random):
+    """Return two records of a turn whose acceleration steps at one of them or between them."""
+    axis = random.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    place = random.choice([0.0, 1.0, random.uniform()])
+    rate, before, jerk = (
+        random.choice([0.0, random.uniform(-size, size)]) for size in (3.0, 20.0, 9000.0)
+    )
+    step = random.uniform(-40.0, 40.0)
+    first = floats.exp(tuple(random.normal(size=3)))
+
+    def record(time, alpha):
+        late = max(time - place * PERIOD, 0.0)
+        angle = rate * time + 0.5 * (before * time**2 + step * late**2) + jerk * time**3 / 6.0
+        omega = rate + before * time + step * late + 0.5 * jerk * time**2
+        q = floats.multiply(first, floats.exp(tuple(angle * axis)))
+        return point(q, omega * axis, (alpha + jerk * time) * axis)
+
+    return record(0.0, before), record(PERIOD, before + step)
+
+
+@pytest.mark.parametrize(
+    "pairs", [2000, pytest.param(1_000_000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
+)
+def test_a_step_at_a_record_is_no_matter_of_rounding(pairs):
+    random = np.random.default_rng(5)
+    records = [turning_with_a_step(random) for _ in range(pairs)]
+    here, there = (np.array([np.concatenate(pair[k]) for pair in records]) for k in (0, 1))
+    shares = random.uniform(size=pairs)
+    for pair, share, state in zip(
+        records, shares, states_between(here, there, PERIOD, shares), strict=True
+    ):
+        found = np.concatenate(Segment(*pair, PERIOD).at(float(share)))
+        assert np.max(np.abs(found[:4] - state[:4])) <= 1e-15
+        np.testing.assert_allclose(found[4:7], state[4:7], atol=1e-12)
+
+
 @pytest.mark.parametrize("jerk", [200.0, 8500.0])
 def test_a_path_that_changes_evenly_has_no_kink(jerk):
     at = turn_with_a_step(1.0, 4.0, 4.0, jerk)
