@@ -46,7 +46,6 @@ def rotctld(
     tle: Annotated[
         Path | None,
         Option(
-            "--tle",
             help="File of orbital elements (TLE), to plan whole passes of these satellites.",
         ),
     ] = None,
@@ -60,8 +59,7 @@ def rotctld(
     ephemeris: Annotated[
         Path | None,
         Option(
-            "--ephemeris",
-            help="CSV file of passes of a target, to plan them whole: time, azimuth, elevation.",
+            help="CSV file of passes of a target, to plan them whole: time, azimuth, elevation."
         ),
     ] = None,
 ) -> None:
