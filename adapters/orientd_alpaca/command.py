@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from orientd.cli.command import Commander, Host
+from orientd.cli.command import Commander, Host, Port
 from orientd.cli.output import Output
 from orientd.cli.parameters import Option, command
 from orientd_alpaca.mount import Mount, Rotator
@@ -26,7 +26,7 @@ def alpaca(
     to: Commander,
     out: Output,
     host: Host = "127.0.0.1",
-    port: Annotated[int, Option(range=(0, 65535), help="Port to listen on; 0 for any.")] = 11111,
+    port: Port = 11111,
     discovery: Annotated[
         int, Option(range=(0, 65535), help="UDP port for discovery; 0 for none.")
     ] = 32227,

@@ -12,7 +12,9 @@ import hashlib
 import itertools
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -22,37 +24,30 @@ from pyarrow import parquet
 
 from orientd import motion_file
 from orientd.config import DeviceSettings
-from orientd.errors import OrientdError, RequestError
-from orientd.files import MEBIBYTE, check_regular, read_bounded, written
-from orientd.one_line import one_line
-from orientd.planner import Motion, in_parallel
+from orientd.errors import OrientdError
+from orientd.files import check_regular, written
+from orientd.planner import Certificate, in_parallel
+from orientd.structured_text import read_structured, write_structured
 
 PART = 200
 """Requests of a part."""
 
-_PEAKS = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
-_FIGURES = (
-    "duration",
-    "lead_in",
-    "lead_out",
-    "start_velocity_error",
-    "end_velocity_error",
-    "keyframe_error",
-    "brake_rate",
-    "stop_time",
-    "usual_stop_time",
-)
+_FIGURES = {one.name: one.name for one in fields(Certificate) if one.type == "float"}
+del _FIGURES["rate_hz"]  # that of the device
+for _peak in (one.name for one in fields(Certificate) if one.type == "Peak"):
+    _FIGURES |= {_peak: f"{_peak}.value", _peak.replace("peak", "limit"): f"{_peak}.limit"}
+"""Attributes of a certificate by the names of their columns."""
+
 _VECTORS = ("omega_body", "alpha_body", "position")
 RECORD = ("qw", "qx", "qy", "qz", *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"))
 """Columns of the records, in addition to ``row`` and ``record``: setpoints in rad, m and s."""
 
-_PEAK_COLUMNS = [f"{kind}_{name}" for name in _PEAKS for kind in ("peak", "limit")]
 _ROWS = arrow.schema(
     {
         "row": arrow.int64(),
         **dict.fromkeys(("name", "outcome", "refusal", "notes"), arrow.string()),
         "records": arrow.int64(),
-        **dict.fromkeys((*_FIGURES, *_PEAK_COLUMNS), arrow.float64()),
+        **dict.fromkeys(_FIGURES, arrow.float64()),
     }
 )
 _RECORDS = arrow.schema(
@@ -84,82 +79,53 @@ def plan_file(
     Raises:
         OrientdError: the folder holds another batch, or a file cannot be read or written.
     """
-    count = sum(1 for _ in _lines(requests))
-    _check_folder(
-        folder,
-        {
-            "format": 1,
-            "requests": hashlib.sha256(requests.read_bytes()).hexdigest(),
-            "device": json.loads(device.model_dump_json()),
-            "records": has_records,
-            "part": PART,
-        },
-    )
-    table, firsts = folder / "plans.parquet", range(0, count, PART)
-    parts = {first: folder / "parts" / f"{first // PART:06d}.parquet" for first in firsts}
-    waiting = [one for one in firsts if not (table.exists() or parts[one].exists())]
-    done = min(count, PART * (len(firsts) - len(waiting)))
-    yield done, count
-    if table.exists():
-        return
-    work = functools.partial(plan_part, device=device, has_records=has_records)
-    lines = _lines(requests)
-    tasks = ((first, list(itertools.islice(lines, PART))) for first in firsts)
-    for first, rows, records in in_parallel(
-        work, (one for one in tasks if one[0] in waiting), **cluster
-    ):
-        if has_records:
-            _write(records, folder / "records" / parts[first].name)
-        _write(rows, parts[first])  # last: the part is done once it is there
-        done += rows.num_rows
-        yield done, count
-    with written(table) as path, parquet.ParquetWriter(path, _ROWS) as writer:
-        for part in parts.values():
-            writer.write_table(parquet.read_table(part))
-    shutil.rmtree(folder / "parts")
-
-
-def _lines(path: Path) -> Iterator[str]:
-    """Yield the lines of a file that are not empty.
-
-    Raises:
-        OrientdError: it cannot be read, or is of another kind.
-    """
-    if path.suffix != ".jsonl":
+    if requests.suffix != ".jsonl":
         raise OrientdError(
-            f"expected a file that ends in .jsonl, got {path.name}; the guide on batches shows how "
-            "to make one of a table"
+            f"expected a file that ends in .jsonl, got {requests.name}; the guide on batches shows "
+            "how to make one of a table"
         )
     try:
-        check_regular(path)
-        with path.open(encoding="utf-8") as file:
-            yield from filter(str.strip, file)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or one_line(str(error), 300)
-        raise OrientdError(f"cannot read {path}: {reason}") from error
-
-
-def _check_folder(folder: Path, asked: Mapping[str, object]) -> None:
-    """Describe a batch in its folder, or check that this is done already.
-
-    Raises:
-        OrientdError: the folder holds another batch or something else, or cannot be written.
-    """
-    label = folder / "batch.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if not label.exists():
-            with written(label) as path:
-                path.write_text(json.dumps(asked, indent=1))
-        found = json.loads(read_bounded(label, MEBIBYTE))
-        differing = [name for name in asked if found.get(name) != asked[name]]
-    except (OSError, ValueError, AttributeError, RecursionError) as error:
-        raise OrientdError(f"cannot use {folder}: {error}") from error
+        check_regular(requests)
+        content = requests.read_bytes()
+    except OSError as error:
+        raise OrientdError(f"cannot read {requests}: {error.strerror}") from error
+    lines = [line for line in content.splitlines() if line.strip()]
+    asked = {
+        "format": 1,
+        "requests": hashlib.sha256(content).hexdigest(),
+        "device": device.model_dump(mode="json"),
+        "records": has_records,
+    }
+    label, table = folder / "batch.json", folder / "plans.parquet"
+    folder.mkdir(parents=True, exist_ok=True)
+    if not label.exists():
+        write_structured(label, asked)
+    found = read_structured(label)
+    known = found if isinstance(found, dict) else {}
+    differing = [name for name in asked if known.get(name) != asked[name]]
     if differing:
         raise OrientdError(
             f"{folder} holds a batch with other {' and '.join(differing)}; expected a new "
             "folder, or the same request file, device and options as before"
         )
+    if table.exists():
+        yield len(lines), len(lines)
+        return
+    firsts = range(0, len(lines), PART)
+    parts = [folder / "parts" / f"{first // PART:06d}.parquet" for first in firsts]
+    done = min(len(lines), PART * len(list(itertools.takewhile(Path.exists, parts))))
+    yield done, len(lines)
+    work = functools.partial(plan_part, device=device, has_records=has_records)
+    tasks = ((first, lines[first : first + PART]) for first in firsts if first >= done)
+    for rows, records in in_parallel(work, tasks, **cluster):
+        part = parts[done // PART]
+        if has_records:
+            _write(records, folder / "records" / part.name)
+        _write(rows, part)  # last: the part is done once it is there
+        done += rows.num_rows
+        yield done, len(lines)
+    _write(arrow.concat_tables([_ROWS.empty_table(), *map(parquet.read_table, parts)]), table)
+    shutil.rmtree(folder / "parts", ignore_errors=True)
 
 
 def _write(table: Any, path: Path) -> None:  # noqa: ANN401 - of Arrow
@@ -169,8 +135,8 @@ def _write(table: Any, path: Path) -> None:  # noqa: ANN401 - of Arrow
 
 
 def plan_part(
-    part: tuple[int, Sequence[str]], *, device: DeviceSettings, has_records: bool
-) -> tuple[int, Any, Any]:
+    part: tuple[int, Sequence[bytes]], *, device: DeviceSettings, has_records: bool
+) -> tuple[Any, Any]:
     """Plan some requests for a device.
 
     Args:
@@ -179,44 +145,31 @@ def plan_part(
         has_records: whether to return records too.
 
     Returns:
-        Row of the first request; the table with a row for each request: its certificate, or the
-        reason of its refusal; the table of the records.
+        The table with a row for each request: its certificate, or the reason of its refusal; the
+        table of the records.
     """
     planner, rows, records = device.planner(), [], [_RECORDS.empty_table()]
     for row, line in enumerate(part[1], part[0]):
-        entries: dict[str, Any] = {"row": row, "name": ""}
+        entries: dict[str, Any] = {"row": row, "name": "", "outcome": "refused"}
+        rows.append(entries)
         try:
-            mapping = _parsed(line)
-            name = mapping.get("name") if isinstance(mapping, dict) else None
-            entries["name"] = name if isinstance(name, str) else ""
+            mapping = json.loads(line)
+        except (ValueError, RecursionError) as error:
+            entries["refusal"] = f"not JSON: {error}"
+            continue
+        name = mapping.get("name") if isinstance(mapping, dict) else None
+        entries["name"] = name if isinstance(name, str) else ""
+        try:
             motion = planner.plan_offline(motion_file.parse(mapping))
         except OrientdError as error:
-            entries |= {"outcome": "refused", "refusal": str(error)}
-        else:
-            entries |= _certified(motion)
-            if has_records:
-                setpoints = motion.rows(0, motion.record_count).T[: len(RECORD)]
-                number = np.arange(motion.record_count)
-                table = [np.full_like(number, row), number, *setpoints]
-                records.append(arrow.table(table, schema=_RECORDS))
-        rows.append(entries)
-    return part[0], arrow.Table.from_pylist(rows, schema=_ROWS), arrow.concat_tables(records)
-
-
-def _parsed(line: str) -> Any:  # noqa: ANN401 - whatever JSON holds
-    try:
-        return json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise RequestError("", f"not JSON: {error}") from None
-
-
-def _certified(motion: Motion) -> dict[str, Any]:
-    certificate = motion.certificate
-    row: dict[str, Any] = {"outcome": "planned", "records": motion.record_count}
-    row |= {name: getattr(certificate, name) for name in _FIGURES}
-    for name in _PEAKS:
-        peak = getattr(certificate, f"peak_{name}")
-        row |= {f"peak_{name}": peak.value, f"limit_{name}": peak.limit}
-    row["notes"] = "; ".join(certificate.notes)
-    # A figure that is not a number is missing in the table.
-    return {name: entry for name, entry in row.items() if entry == entry}
+            entries["refusal"] = str(error)
+            continue
+        entries |= {"outcome": "planned", "records": motion.record_count}
+        entries |= {name: attrgetter(path)(motion.certificate) for name, path in _FIGURES.items()}
+        entries["notes"] = "; ".join(motion.certificate.notes)
+        if has_records:
+            setpoints = motion.rows(0, motion.record_count).T[: len(RECORD)]
+            number = np.arange(motion.record_count)
+            table = [np.full_like(number, row), number, *setpoints]
+            records.append(arrow.table(table, schema=_RECORDS))
+    return arrow.Table.from_pylist(rows, schema=_ROWS), arrow.concat_tables(records)

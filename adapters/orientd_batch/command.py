@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import sys
 import time
 from pathlib import Path
 from typing import Annotated
@@ -11,12 +9,9 @@ from typing import Annotated
 import click
 
 from orientd.cli.command import ConfigFile, DeviceName, device_settings, need_extra
-from orientd.cli.output import LiveLine, Output, is_terminal
+from orientd.cli.output import Output, updated
 from orientd.cli.parameters import Argument, Option, command
 from orientd.errors import OrientdError
-
-_INTERVAL = 5.0
-"""Interval between two plain lines, s."""
 
 
 @command
@@ -31,14 +26,11 @@ def batch(
     ] = False,
     backend: Annotated[
         str,
-        Option(
-            "--backend", help="Where to plan: `loky` on this machine; `ray` or `dask` on a cluster."
-        ),
+        Option(help="Where to plan: `loky` on this machine; `ray` or `dask` on a cluster."),
     ] = "loky",
     address: Annotated[
         str | None,
         Option(
-            "--address",
             metavar="ADDRESS",
             help="Address of the cluster; default: a new one on this machine.",
         ),
@@ -56,34 +48,27 @@ def batch(
     command again.
     """
     need_extra("batch")
+    from orientd.planner import need_backend
     from orientd_batch.batch import plan_file
 
     if jobs == 0 or jobs < -1:
         raise click.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
-    from orientd.planner import need_backend  # `orientd --help` loads this module
-
     need_backend(backend)
-    line = LiveLine(sys.stdout) if is_terminal() and not out.as_json else None
-    began, shown, done, begun_with = time.monotonic(), -math.inf, 0, 0
+    began, begun, done, count = time.monotonic(), -1, 0, 0
     try:
-        for done, count in plan_file(
-            file, output, device_settings(config, device),
-            has_records=records, backend=backend, jobs=jobs, address=address,
-        ):  # fmt: skip
-            now = time.monotonic()
-            begun_with = begun_with if shown > 0.0 else done
-            if line is None and now < shown + _INTERVAL:
-                continue
-            shown = now
-            text = f"{done:,} of {count:,} requests ({done / max(1, count):.0%})"
-            if rate := (done - begun_with) / max(1e-9, now - began):
-                text += f", {rate:,.0f} a second, {(count - done) / rate:,.0f} s left"
-            (out.say if line is None else line.show)(text)
+        with updated(out, interval=5.0) as show:
+            for done, count in plan_file(
+                file, output, device_settings(config, device),
+                has_records=records, backend=backend, jobs=jobs, address=address,
+            ):  # fmt: skip
+                begun = done if begun < 0 else begun
+                text = f"{done:,} of {count:,} requests ({done / max(1, count):.0%})"
+                if rate := (done - begun) / max(1e-9, time.monotonic() - began):
+                    text += f", {rate:,.0f} a second, {(count - done) / rate:,.0f} s left"
+                show(text)
     except KeyboardInterrupt:
         raise OrientdError(
             f"interrupted with {done:,} requests done; run the same command to continue"
         ) from None
-    if line is not None:
-        line.end()
     table = output / "plans.parquet"
     out.answer({"plans": table, "count": count}, f"wrote {table}")

@@ -54,19 +54,14 @@ class Cell:
             help="Endpoint of a daemon or router; default: $ORIENTD_FLEET.",
         ),
     ] = None
-    cell: Annotated[
-        str | None, Option("--cell", help="Name of the cell; default: $ORIENTD_CELL.")
-    ] = None
-    cert: Annotated[
-        Path | None, Option("--cert", help="Your certificate; default: $ORIENTD_CERT.")
-    ] = None
+    cell: Annotated[str | None, Option(help="Name of the cell; default: $ORIENTD_CELL.")] = None
+    cert: Annotated[Path | None, Option(help="Your certificate; default: $ORIENTD_CERT.")] = None
     key: Annotated[
-        Path | None,
-        Option("--key", help="The key of your certificate; default: $ORIENTD_KEY."),
+        Path | None, Option(help="The key of your certificate; default: $ORIENTD_KEY.")
     ] = None
     ca: Annotated[
         Path | None,
-        Option("--ca", help="The CA that signed the cell's certificates; default: $ORIENTD_CA."),
+        Option(help="The CA that signed the cell's certificates; default: $ORIENTD_CA."),
     ] = None
 
     def connect(self) -> Fleet:
@@ -242,8 +237,7 @@ def move(
     out: Output,
     plan: Annotated[Path, Argument(metavar="PLAN", help="A YAML file with one motion per device.")],
     start_in: Annotated[
-        float | None,
-        Option(metavar="SECONDS", help="Time from the end of planning to the start."),
+        float | None, Option(metavar="SECONDS", help="Time from the end of planning to the start.")
     ] = None,
 ) -> None:
     """Start devices of several daemons at the same instant, or move none.
@@ -301,7 +295,7 @@ def record(
     file: OutFile,
     daemon: Annotated[
         list[str] | None,
-        Option("--daemon", metavar="NAME", help="Daemons to record; default: all."),
+        Option(metavar="NAME", help="Daemons to record; default: all."),
     ] = None,
     seconds: Seconds = None,
     scalars: Scalars = False,
@@ -354,7 +348,7 @@ def router(
 @part_of(fleet)
 def demo(
     out: Output,
-    daemons: Annotated[int, Option("--daemons", range=(2, 16), help="Number of daemons.")] = 3,
+    daemons: Annotated[int, Option(range=(2, 16), help="Number of daemons.")] = 3,
 ) -> None:
     """Start three daemons with a device each, and one motion on all of them at once.
 

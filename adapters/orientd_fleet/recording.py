@@ -6,9 +6,9 @@ by its clock's offset, which is measured every few seconds and written into the 
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -20,6 +20,9 @@ from orientd.recorder.writer import RecordingError
 if TYPE_CHECKING:
     from orientd.recorder.writer import RecordingWriter
     from orientd_fleet.client import Fleet
+
+_MOST_DAEMONS = 1000
+"""Daemons that are recorded at a time; each takes a thread."""
 
 _POLL = 0.1
 _AGAIN = 1.0
@@ -50,8 +53,8 @@ class FleetRecording(LiveRecording):
         """Prepare to record daemons of *fleet*; see :meth:`orientd_fleet.Fleet.record`."""
         super().__init__(path)
         self._fleet, self._daemons = fleet, daemons
-        self._background = threading.Thread(target=self._run, name="orientd fleet record")
-        self._error: OrientdError | None = None
+        self._pool = ThreadPoolExecutor(_MOST_DAEMONS, "orientd fleet record")
+        self._running: Future[None] = Future()
         self.problems: dict[str, str] = {}
 
     def run(self) -> None:
@@ -63,31 +66,31 @@ class FleetRecording(LiveRecording):
         """
         if self._daemons:
             self._fleet.find(self._daemons, timeout=0.0)
-        threads: dict[str, threading.Thread] = {}
+        kept: dict[str, Future[None]] = {}
         with self._begin_file(time.time_ns() - time.monotonic_ns()) as writer:
-            while not self.ending.wait(_POLL if threads else 0.0):
+            while not self.ending.wait(_POLL if kept else 0.0):
                 for daemon in self._daemons or self._fleet.daemons:
-                    if daemon not in threads:
-                        threads[daemon] = threading.Thread(
-                            target=self._keep_recording, args=(writer, daemon), name=daemon
-                        )
-                        threads[daemon].start()
-            for thread in threads.values():
-                thread.join()
-        if self._error is not None:
-            raise self._error
+                    if daemon not in kept:
+                        kept[daemon] = self._pool.submit(self._keep_recording, writer, daemon)
+            wait(kept.values())
+        for one in kept.values():
+            one.result()
 
     def _keep_recording(self, writer: RecordingWriter, daemon: str) -> None:
-        """Record one daemon whenever it is there, until :meth:`end`."""
+        """Record one daemon whenever it is there, until :meth:`end`.
+
+        Raises:
+            RecordingError: the file cannot be written; then the whole recording ends.
+        """
         while not self.ending.is_set():
             if daemon in self._fleet.daemons:
                 try:
                     self._record(writer, daemon)
                     if not self.ending.is_set():
                         self.problems[daemon] = "has left"
-                except RecordingError as error:
-                    self._error = error
+                except RecordingError:
                     self.ending.set()
+                    raise
                 except OrientdError as error:
                     self.problems[daemon] = str(error)
             self.ending.wait(_AGAIN)
@@ -119,11 +122,12 @@ class FleetRecording(LiveRecording):
         Raises:
             OrientdError: as of :meth:`run`.
         """
-        self._background.start()
+        self._running = self._pool.submit(self.run)
         expected = set(self._daemons or self._fleet.daemons)
         while not expected <= {*self.problems, *(name.partition("/")[0] for name in self.cycles)}:
-            if not self._background.is_alive():
-                raise self._error or RecordingError("the recording has ended")
+            if self._running.done():
+                self._running.result()
+                raise RecordingError("the recording has ended")
             time.sleep(_POLL)
         return self
 
@@ -134,12 +138,6 @@ class FleetRecording(LiveRecording):
             OrientdError: as of :meth:`run`, unless the block itself has failed.
         """
         self.end()
-        self._background.join()
-        if self._error is not None and error is None:
-            raise self._error
-
-    def _run(self) -> None:
-        try:
-            self.run()
-        except OrientdError as error:
-            self._error = error
+        wait([self._running])
+        if error is None:
+            self._running.result()

@@ -12,7 +12,7 @@ import click
 from orientd.cli.command import Commander, Host, need_extra
 from orientd.cli.output import Output, complain
 from orientd.cli.parameters import Option, command
-from orientd_serving.command import run
+from orientd_serving.command import NORTH, run
 
 
 def _peers(
@@ -56,19 +56,12 @@ def mavlink(
     component: Annotated[
         int, Option(range=(7, 255), help="MAVLink component ID of the gimbal.")
     ] = 154,
-    north: Annotated[
-        float | None,
-        Option(
-            metavar="DEG",
-            help="Angle from the x axis of the base frame to north, towards y; default: unknown.",
-            range=(-360.0, 360.0),
-        ),
-    ] = None,
+    north: Annotated[float | None, NORTH] = None,
 ) -> None:
     """Serve MAVLink programs: QGroundControl, MAVSDK, an autopilot.
 
     The device becomes a gimbal with a gimbal manager (gimbal protocol v2). Forward is the x axis of
-    the tool.  Yaw is positive to the right, pitch upwards.
+    the tool.  Yaw is positive to the right, pitch upwards.  Without --north the heading is unknown.
     """
     need_extra("mavlink")
     from orientd_mavlink.server import Mavlink

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from orientd.driver import Quaternion
-from orientd.floats import conjugate, multiply, normalize
+from orientd.floats import conjugate, exp, multiply, normalize
 from orientd.tolerances import TYPED_NORM_TOLERANCE
 
 RETRACT, NEUTRAL, ROLL_LOCK, PITCH_LOCK, YAW_LOCK = 1, 2, 4, 8, 16
@@ -47,13 +47,9 @@ def mirrored(q: Quaternion) -> Quaternion:
 
 def of_angles(angles: Sequence[float]) -> Quaternion:
     """Return the quaternion of roll, pitch and yaw, rad."""
-    (a, x), (b, y), (c, z) = ((math.cos(0.5 * one), math.sin(0.5 * one)) for one in angles)
-    return (
-        a * b * c + x * y * z,
-        x * b * c - a * y * z,
-        a * y * c + x * b * z,
-        a * b * z - x * y * c,
-    )
+    roll, pitch, yaw = angles
+    about_y_and_x = multiply(exp((0.0, pitch, 0.0)), exp((roll, 0.0, 0.0)))
+    return multiply(exp((0.0, 0.0, yaw)), about_y_and_x)
 
 
 def angles_of(q: Quaternion) -> list[float]:

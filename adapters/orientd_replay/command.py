@@ -50,13 +50,11 @@ def replay(
     topic: Topic = "",
     partial: Partial = False,
     error: Annotated[
-        float,
-        Option("--error", metavar="DEGREES", help="Largest deviation from the filtered samples."),
+        float, Option(metavar="DEGREES", help="Largest deviation from the filtered samples.")
     ] = 1.0,
     pace: Annotated[
         Pace,
         Option(
-            "--pace",
             help="As recorded (slower if the limits require it), or as fast as they permit.",
         ),
     ] = "recorded",

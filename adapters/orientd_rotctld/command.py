@@ -7,7 +7,7 @@ from typing import Annotated
 
 import click
 
-from orientd.cli.command import Commander, Host
+from orientd.cli.command import Commander, Host, Port
 from orientd.cli.output import Output, complain
 from orientd.cli.parameters import Option, command
 from orientd_rotctld.ephemeris import from_table
@@ -29,7 +29,7 @@ def rotctld(
     to: Commander,
     out: Output,
     host: Host = "127.0.0.1",
-    port: Annotated[int, Option(range=(0, 65535), help="Port to listen on; 0 for any.")] = 4533,
+    port: Port = 4533,
     north: Annotated[float, NORTH] = 0.0,
     azimuth: Annotated[
         str,
@@ -46,7 +46,6 @@ def rotctld(
     tle: Annotated[
         Path | None,
         Option(
-            "--tle",
             help="File of orbital elements (TLE), to plan whole passes of these satellites.",
         ),
     ] = None,
@@ -60,8 +59,7 @@ def rotctld(
     ephemeris: Annotated[
         Path | None,
         Option(
-            "--ephemeris",
-            help="CSV file of passes of a target, to plan them whole: time, azimuth, elevation.",
+            help="CSV file of passes of a target, to plan them whole: time, azimuth, elevation."
         ),
     ] = None,
 ) -> None:

@@ -15,6 +15,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from orientd.one_line import counted
 
@@ -118,28 +119,24 @@ def commands(line: bytes) -> Iterator[Command]:
             separator, place = "\n", place + 1
         if place < len(text) and text[place] in "!\"$%&'()*,-./:;<=>@[]^`{|}~":
             separator, place = text[place], place + 1
+        bad = partial(Command, "", separator=separator, error=INVALID)
         word = _WORD.match(text, place)
         if word is None:
-            problem = f"expected a command after {text[:_SHOWN]!r}"
-            yield Command("", separator=separator, error=INVALID, problem=problem)
+            yield bad(problem=f"expected a command after {text[:_SHOWN]!r}")
             return
         name, letter = word.groups()
         long = _LONG.match(text, place)
         if long and long.group() in NAMES.values():
-            problem = f"{long.group()}: a long name needs a backslash; write \\{long.group()}"
-            yield Command("", separator=separator, error=INVALID, problem=problem)
+            yield bad(
+                problem=f"{long.group()}: a long name needs a backslash; write \\{long.group()}"
+            )
             return
         if letter is not None:
             name = NAMES.get(letter.replace("Q", "q"))
         if name not in NAMES.values():
             known = name in _NAMES_NOT_SERVED or letter in _NOT_SERVED
-            problem = _UNSERVED if known else _UNKNOWN
-            yield Command(
-                "",
-                separator=separator,
-                error=UNAVAILABLE if known else INVALID,
-                problem=f"{word.group()[:_SHOWN]!r}: {problem}",
-            )
+            problem = f"{word.group()[:_SHOWN]!r}: {_UNSERVED if known else _UNKNOWN}"
+            yield bad(problem=problem, error=UNAVAILABLE if known else INVALID)
             return
         count = _ARGUMENTS.get(name, 0)
         words = text[word.end() :].split(None, count)
@@ -147,7 +144,7 @@ def commands(line: bytes) -> Iterator[Command]:
         if len(given) < count:
             expected = f"expected {counted(count, 'value')}, got {len(given)}"
             problem = f"{name}: {expected}; give them in the line of the command"
-            yield Command("", given, separator, INVALID, problem)
+            yield bad(given, problem=problem)
             return
         yield Command(name, given, separator)
         rest = words[count] if len(words) > count else ""

@@ -155,15 +155,11 @@ def _change(target: Target, before: float, height: float) -> float:
         before: beginning of the step, Unix time in s.
         height: sine of the elevation.
     """
-    after = before + _STEP
-    was_above = bool(target.at(np.array([before]))[0, 2] > height)
-    while after - before > _EXACT:
-        middle = 0.5 * (before + after)
-        if bool(target.at(np.array([middle]))[0, 2] > height) is was_above:
-            before = middle
-        else:
-            after = middle
-    return before if was_above else after
+    times = np.linspace(before, before + _STEP, math.ceil(_STEP / _EXACT) + 1)
+    is_above = target.at(times)[:, 2] > height
+    # It is above at one end of the step: rounding of the times must not hide that.
+    is_above[-1] = not is_above[0]
+    return float(times[np.argmin(is_above) - 1 if is_above[0] else np.argmax(is_above)])
 
 
 def from_elements(path: Path, observer: tuple[float, float, float]) -> list[Target]:

@@ -12,6 +12,7 @@ import click
 
 from orientd.cli.command import Commander
 from orientd.cli.installed import OpenGroup
+from orientd.cli.interrupts import ignore
 from orientd.cli.output import Output
 from orientd.cli.parameters import Option
 
@@ -30,14 +31,6 @@ NORTH = Option(
 )
 
 
-def _interrupt(number: int, frame: object) -> None:
-    """End the server at the first Ctrl-C or SIGTERM; later ones must not disturb its end."""
-    del number, frame
-    for one in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(one, signal.SIG_IGN)
-    raise KeyboardInterrupt
-
-
 def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapter]) -> None:
     """Serve until Ctrl-C or SIGTERM, then bring the device to rest.
 
@@ -51,16 +44,18 @@ def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapt
     """
     from orientd_serving.served import Served  # `orientd --help` loads this module
 
-    for one in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(one, _interrupt)
     with to.connect(f"serve {name}") as robot, Served(robot, to.device) as served:
         opened = adapter(served)
-        with contextlib.closing(opened), contextlib.suppress(KeyboardInterrupt):
-            out.answer(
-                {"ready": True, "device": served.name, "endpoint": opened.endpoint},
-                f"ready at {opened.endpoint} ({name} for {served.name})",
-            )
-            opened.serve()
+        with contextlib.closing(opened):
+            try:
+                out.answer(
+                    {"ready": True, "device": served.name, "endpoint": opened.endpoint},
+                    f"ready at {opened.endpoint} ({name} for {served.name})",
+                )
+                opened.serve()
+            except KeyboardInterrupt:
+                # Later ones must not disturb the end.
+                ignore((signal.SIGINT, signal.SIGTERM))
     out.answer({"ready": False, "device": served.name}, f"{served.name} is at rest")
 
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from orientd.driver import Quaternion
 from orientd.errors import RequestError
+from orientd.floats import exp, multiply, rotate
 from orientd.rotation import Floats
 from orientd.sun import horizontal, sidereal_time
 
@@ -69,8 +70,7 @@ def orientation(direction: Direction, north: float = 0.0) -> Quaternion:
     """
     azimuth, elevation = math.radians(north - direction.azimuth), math.radians(direction.elevation)
     # A turn about z, then one about the new y, by minus the elevation.
-    c, s, b, d = (f(0.5 * a) for a in (azimuth, elevation) for f in (math.cos, math.sin))
-    return (c * b, s * d + 0.0, -c * d + 0.0, s * b)
+    return multiply(exp((0.0, 0.0, azimuth)), exp((0.0, -elevation, 0.0)))
 
 
 def direction(q: Quaternion, north: float = 0.0) -> Direction:
@@ -82,9 +82,7 @@ def direction(q: Quaternion, north: float = 0.0) -> Direction:
     >>> round(zenith.azimuth, 9), round(zenith.elevation, 9)
     (90.0, 90.0)
     """
-    w, x, y, z = q
-    ahead = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y))
-    side = (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x))
+    ahead, side = rotate(q, (1.0, 0.0, 0.0)), rotate(q, (0.0, 1.0, 0.0))
     level = math.hypot(ahead[0], ahead[1])
     if abs(side[2]) < _LEVEL:
         heading = math.atan2(-side[0], side[1])

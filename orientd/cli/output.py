@@ -10,8 +10,9 @@ import json
 import math
 import os
 import sys
+import time
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -125,6 +126,31 @@ class LiveLine:
         """Leave the line as it is, and go to the next one."""
         self._stream.write("\n")
         self._stream.flush()
+
+
+@contextlib.contextmanager
+def updated(out: Output, *, interval: float) -> Iterator[Callable[[str], None]]:
+    """Yield a function that shows the newest text while the context lasts.
+
+    A terminal has one line for it.  Elsewhere each text is a line, but those that come less than
+    *interval* (s) after the last one are left out.
+    """
+    if is_terminal() and not out.as_json:
+        line = LiveLine(sys.stdout)
+        try:
+            yield line.show
+        finally:
+            line.end()
+        return
+    due = -math.inf
+
+    def show(text: str) -> None:
+        nonlocal due
+        if (now := time.monotonic()) >= due:
+            due = now + interval
+            out.say(text)
+
+    yield show
 
 
 def fitted(text: str, most: int) -> tuple[str, int]:

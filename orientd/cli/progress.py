@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from orientd.cli import texts
-from orientd.cli.output import LiveLine, Output, is_terminal
+from orientd.cli.output import LiveLine, Output, is_terminal, updated
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import STALE, orientation
 from orientd.protocol.values import to_quaternion, to_vector
@@ -32,28 +32,15 @@ Show = Callable[[pb.MoveProgress], None]
 @contextlib.contextmanager
 def view(title: str, out: Output) -> Iterator[Show]:
     """Yield a function that shows progress while the context lasts."""
-    if out.as_json:
-        yield lambda _: None
-    elif not is_terminal():
-        yield _lines(out)
-    else:
+    if is_terminal() and not out.as_json:
         with _live_line(title) as show:
             yield show
-
-
-def _lines(out: Output) -> Show:
-    """Return a function that prints a line if the last one was long enough ago."""
-    due = 0.0
-
-    def show(progress: pb.MoveProgress) -> None:
-        nonlocal due
-        now = time.monotonic()
-        if now >= due:
-            due = now + PLAIN_INTERVAL
-            times = f"{progress.path_time:.2f} of {progress.duration:.2f} s"
-            out.say(f"{times}  {_figures(progress)}{_pace(progress)}")
-
-    return show
+    else:
+        with updated(out, interval=PLAIN_INTERVAL) as say:
+            yield lambda progress: say(
+                f"{progress.path_time:.2f} of {progress.duration:.2f} s  "
+                f"{_figures(progress)}{_pace(progress)}"
+            )
 
 
 @contextlib.contextmanager

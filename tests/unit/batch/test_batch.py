@@ -82,6 +82,14 @@ def test_each_request_has_its_row_with_its_certificate_or_its_refusal(file, tmp_
     assert rows[1]["lead_out"] == certificate.lead_out > 0.0
 
 
+def test_a_line_of_other_characters_is_refused_in_its_row(file, tmp_path):
+    with file.open("ab") as lines:
+        lines.write(b'{"name": "\xff"}\r\n')
+    rows = planned(file, tmp_path / "plans")
+    assert [row["outcome"] for row in rows[4:]] == ["planned", "refused", "refused"]
+    assert rows[6]["refusal"].startswith("not JSON: 'utf-8'")
+
+
 def test_a_batch_that_was_ended_goes_on_to_the_same_file(file, tmp_path):
     planned(file, tmp_path / "whole")
     planned(file, tmp_path / "ended", parts=2)
