@@ -1,7 +1,12 @@
 """A daemon beside whose device everything hangs: eight slow devices, and the name service."""
 
+import pwd
+import sys
+
 from harness import DaemonProcess, until
 
+from orientd.daemon.access import identity
+from orientd.daemon.workers import Threads
 from orientd.protocol import control_pb2 as pb
 
 SLOW = tuple(f"slow{number}" for number in range(8))
@@ -60,13 +65,27 @@ class HangingDaemon(DaemonProcess):
         self.config.write_text(self.config.read_text() + "".join(slow))
         self.hung = []
 
+    def share(self, monkeypatch):
+        """Have the same hang in this process, to which a daemon in virtual time belongs."""
+        monkeypatch.syspath_prepend(self.site)
+        monkeypatch.delitem(sys.modules, "slow", raising=False)
+        monkeypatch.setattr(identity, "_names", {})
+        monkeypatch.setattr(identity, "LOOK_UPS", Threads(2, "look-up"))
+        monkeypatch.setattr(pwd, "getpwuid", pwd.getpwuid)
+        exec((self.site / "sitecustomize.py").read_text(), {})
+
     def hang(self):
-        """Have every slow device hang in a command."""
+        """Have every slow device hang in a command, once it has had a cycle."""
+        until(self._have_begun, "cycles of the slow devices")
         (self.site / "hang").touch()
         for name in SLOW:
             request = pb.CommandRequest(device=name, lease_token=self.token)
             self.hung.append(self.stub.Enable.future(request))
         until(lambda: len(list(self.site.glob("enabling-*"))) == len(SLOW), "eight slow commands")
+
+    def _have_begun(self):
+        devices = self.stub.GetState(pb.GetStateRequest()).devices
+        return all(device.HasField("cycle") for device in devices)
 
     def assert_hangs(self):
         """Check that what was begun before has not been answered."""

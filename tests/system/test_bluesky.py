@@ -23,6 +23,8 @@ from bluesky import plans as bp  # noqa: E402
 from bluesky import protocols  # noqa: E402
 from bluesky.utils import FailedStatus, RunEngineInterrupted  # noqa: E402
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture
 def robot(daemon):
@@ -108,7 +110,12 @@ def test_a_scan_reads_the_angle_at_every_point(theta, engine, documents):
 
 def test_a_move_ends_when_its_end_is_measured(tmp_path):
     """The measurements of this device are 0.4 s old."""
-    with DaemonProcess(tmp_path / "daemon", options="delay_cycles = 200") as daemon:
+    daemon = DaemonProcess(tmp_path / "daemon", options="delay_cycles = 200", patience=None)
+    config = daemon.config.read_text()
+    daemon.config.write_text(
+        config.replace('driver = "loopback"\n', 'driver = "loopback"\nfeedback_timeout = 5.0\n')
+    )
+    with daemon:
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
         with connect(daemon.socket) as robot, RotationAxis(robot, name="theta") as theta:
             assert theta.set(30.0).exception(30.0) is None

@@ -29,6 +29,8 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import conjugate, exp, log, multiply
 
+pytestmark = pytest.mark.world
+
 MILLIRADIAN = 1e-3
 
 JOINTS = [
@@ -118,6 +120,7 @@ def test_a_signal_takes_a_keyframe_and_a_keyframe_can_be_removed(loopback, teach
     assert motion_file.load(file).name == "seen"
 
 
+@pytest.mark.real
 def test_keys_on_a_terminal_take_name_remove_and_end(loopback, tmp_path):
     file = tmp_path / "keys.yaml"
     main, side = pty.openpty()

@@ -20,12 +20,18 @@ from orientd.protocol import to_quaternion
 PACKAGE = Path(__file__).parents[2] / "examples" / "feetech_gimbal"
 
 
-@pytest.fixture
-def gimbal(tmp_path):
-    """A daemon with the example gimbal, installed as a user would, on emulated servos."""
-    site = tmp_path / "site"
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Return a folder with the example gimbal, installed as a user would."""
+    folder = tmp_path_factory.mktemp("site")
     install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
-    subprocess.run([sys.executable, *install, "--target", site, PACKAGE], check=True)
+    subprocess.run([sys.executable, *install, "--target", folder, PACKAGE], check=True)
+    return folder
+
+
+@pytest.fixture
+def gimbal(site, tmp_path):
+    """A daemon with the example gimbal, on emulated servos."""
     servos = subprocess.Popen(
         [sys.executable, PACKAGE / "tests" / "emulated_servos.py", tmp_path / "bus"],
         stdout=subprocess.PIPE,

@@ -16,6 +16,8 @@ from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("websockets")
 
+pytestmark = pytest.mark.world
+
 
 @pytest.fixture(scope="module")
 def view(daemon):

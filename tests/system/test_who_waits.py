@@ -3,6 +3,7 @@
 import signal
 
 import grpc
+import harness
 import pytest
 from hanging import SLOW, HangingDaemon
 from harness import DEVICE, spin, until
@@ -10,14 +11,19 @@ from harness import DEVICE, spin, until
 import orientd
 from orientd.protocol import control_pb2 as pb
 
+pytestmark = pytest.mark.world
+
 TURN = [{"rotation_vector": [0, 0, 2.5]}]
 SLOWLY = {"velocity": 0.1}
 
 
 @pytest.fixture
-def daemon(tmp_path, request):
+def daemon(tmp_path, request, monkeypatch):
     """A daemon whose device moves while eight commands and the name service hang."""
-    with HangingDaemon(tmp_path, lease=getattr(request, "param", 120.0)) as process:
+    process = HangingDaemon(tmp_path, lease=getattr(request, "param", 120.0))
+    if not harness.MACHINE.is_patient:
+        process.share(monkeypatch)
+    with process:
         process.hang()
         process.move(spin(60.0))
         until(lambda: process.device().path_time > 0.1, "motion")

@@ -176,16 +176,21 @@ class VirtualSelector(selectors.PollSelector):
         return ready
 
 
-def _ready(*wanted):
-    """Return which of three lists are ready, as ``select`` does; their numbers may be large."""
+def _ready(pipes, *wanted):
+    """Return which of three lists are ready, as ``select`` does; their numbers may be large.
+
+    *pipes* of the world, by their numbers, may be among what is to be read.
+    """
     poll, results = select.poll(), []
     for ones, event in zip(wanted, (select.POLLIN, select.POLLOUT, select.POLLPRI), strict=True):
-        for one in ones:
-            poll.register(one, event)
-        found = {number for number, _ in poll.poll(0)}
         numbers = [one if isinstance(one, int) else one.fileno() for one in ones]
+        real = set(numbers).difference(pipes)
+        for number in real:
+            poll.register(number, event)
+        found = {number for number, _ in poll.poll(0)}
+        found.update(number for number in numbers if number in pipes and pipes[number].is_ready)
         results.append([one for one, number in zip(ones, numbers, strict=True) if number in found])
-        for number in set(numbers):
+        for number in real:
             poll.unregister(number)
     return tuple(results)
 
@@ -197,7 +202,7 @@ def of_sockets(world):
     def selected(reading, writing, failing, timeout=None):
         until_ns = world.sockets.end(timeout)
         while True:
-            ready = _ready(reading, writing, failing)
+            ready = _ready(world.pipes, reading, writing, failing)
             if any(ready) or not world.sockets.wait(until_ns):
                 return ready
 

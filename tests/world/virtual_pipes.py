@@ -21,9 +21,14 @@ class Pipe:
         self._is_written = self.is_read = True
         self.number = next(_NUMBERS)
 
+    @property
+    def is_ready(self):
+        """Whether :meth:`read` returns at once."""
+        return bool(self._bytes) or not self._is_written
+
     def read(self, most):
         """Return at most so many bytes, as soon as there are any; none at the end."""
-        while not self._bytes and self._is_written:
+        while not self.is_ready:
             task = self._scheduler.current()
             self._waiting.append(task)
             try:

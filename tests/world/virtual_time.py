@@ -18,6 +18,7 @@ import queue
 import random
 import selectors
 import signal
+import sys
 import threading
 import time
 import traceback
@@ -111,10 +112,15 @@ class Scheduler:
             raise RuntimeError("only a task can wait")
         if until_ns is not None:
             self._put(task, max(until_ns, self.now_ns), woken=False)
-        loop = asyncio._get_running_loop()
-        asyncio._set_running_loop(None)  # of this thread, which all tasks share
+        # Its loop is that of this thread, which all tasks share; so is what marks its generators.
+        loop, hooks = asyncio._get_running_loop(), sys.get_asyncgen_hooks()
+        if loop is not None:
+            asyncio._set_running_loop(None)
+            sys.set_asyncgen_hooks(None, None)
         is_woken = self.hub.switch()
-        asyncio._set_running_loop(loop)
+        if loop is not None:
+            asyncio._set_running_loop(loop)
+            sys.set_asyncgen_hooks(*hooks)
         while task.signals:
             task.signals.popleft()()
         return is_woken

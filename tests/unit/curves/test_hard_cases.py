@@ -101,7 +101,17 @@ def says(name):
     return WITHOUT_A_CURVE.get(name, {})
 
 
-@pytest.mark.parametrize(("name", "case"), [(n, case) for n in KEYED for case in says(n)])
+SEARCHED_FOR_LONG = [("min_acceleration", "intervals in a ratio of 10,000")]
+
+
+@pytest.mark.parametrize(
+    ("name", "case"),
+    [
+        pytest.param(n, case, marks=[pytest.mark.slow] * ((n, case) in SEARCHED_FOR_LONG))
+        for n in KEYED
+        for case in says(n)
+    ],
+)
 def test_where_there_is_no_curve_it_says_why(name, case):
     with pytest.raises((ValueError, PlanError), match=says(name)[case]):
         made(name, *CASES[case])

@@ -50,7 +50,9 @@ def test_no_axis_exceeds_its_limits_by_the_pole(miss, seconds, deviation, what):
         assert_keeps(ride, record, what)
 
 
-@pytest.mark.parametrize(("miss", "deviation"), [(0.5, 3), (2, 0), (8, 0)])
+@pytest.mark.parametrize(
+    ("miss", "deviation"), [pytest.param(0.5, 3, marks=pytest.mark.slow), (2, 0), (8, 0)]
+)
 def test_no_axis_of_an_azimuth_elevation_mount_exceeds_its_limits(miss, deviation):
     options = {"order": "ZY", "axes": AXES[:2], "pointing": True, "max_deviation_deg": deviation}
     request = motion_file.parse(over_the_top(miss))

@@ -41,7 +41,7 @@ class Rotator:
         return self.plan(MotionRequest([Keyframe(goal)]), tuple(np.radians(begin_deg)))
 
 
-@pytest.mark.parametrize("period", [0.1, 0.02, 0.01])
+@pytest.mark.parametrize("period", [0.1, 0.02, pytest.param(0.01, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("velocity", [3.0, 8.0, 30.0])
 def test_a_move_takes_the_slowest_axis_little_longer_than_its_way(velocity, period):
     """It neither stops on its way nor takes the longer one."""

@@ -278,7 +278,9 @@ def test_random_walk_without_slews_is_refused_or_within_limits():
         planned("ZYX", q, limits("ZYX", NO_LOAD, np.inf), start=[0, 0, 0])
 
 
-@pytest.mark.parametrize(("order", "seed"), [("ZYX", 1), ("ZXY", 2)])
+@pytest.mark.parametrize(
+    ("order", "seed"), [("ZYX", 1), pytest.param("ZXY", 2, marks=pytest.mark.slow)]
+)
 def test_walk_that_winds_up_is_unwound_by_planned_slews_only(order, seed):
     """20,000 samples of a walk with memory, which runs into the cable limits again and again."""
     rng = np.random.default_rng(seed)

@@ -37,7 +37,7 @@ def winding(turns, seed=4):
     return inverse(gimbal, forward(gimbal, np.stack([yaw, pitch, roll], axis=-1)))
 
 
-@pytest.mark.parametrize("turns", [0, 3])
+@pytest.mark.parametrize("turns", [pytest.param(0, marks=pytest.mark.slow), 3])
 def test_the_number_of_candidates_does_not_grow_with_the_limits(turns):
     principal, found = winding(turns), []
     anywhere = np.ones(len(principal), dtype=bool)

@@ -58,7 +58,9 @@ def deepest(cones, tracker, drift):
 
 
 @pytest.mark.parametrize("drift", [0.0, MOST_DRIFT], ids=["fixed", "moving"])
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize(
+    "number", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 6))]
+)
 def test_a_stop_off_a_certified_path_ends_outside(number, drift):
     motion, limits, keep_out = motion_around(number)
     random = np.random.default_rng(number)

@@ -103,9 +103,9 @@ def consume_in_order(descriptor, count):
     os._exit(0)
 
 
-def test_a_full_ring_between_two_processes_loses_nothing():
+@pytest.mark.parametrize("count", [10_000, pytest.param(60_000, marks=pytest.mark.slow)])
+def test_a_full_ring_between_two_processes_loses_nothing(count):
     memory = SharedMemory.create(CAPACITY, CAPACITY)
-    count = 60_000
     context = multiprocessing.get_context("fork")
     reader = context.Process(target=consume_in_order, args=(os.dup(memory.descriptor), count))
     reader.start()
