@@ -186,27 +186,6 @@ def findings(daemon):
 
 
 @pytest.mark.real
-def test_doctor_looks_at_the_configured_bus(bus, tmp_path):
-    found = findings(GimbalDaemon(tmp_path, bus.link))
-    assert str(bus.link) in found["port"]["found"]
-    assert found["servo 1 (yaw)"]["found"] == (
-        "XM430-W350, firmware 48, 1000000 baud, return delay 500 us"
-    )
-    for part in ("Hz with room to spare", "calculated", "measured", "configured are 100 Hz"):
-        assert part in found["rate"]["found"]
-    assert found["rate"]["verdict"] == "ok"
-
-
-@pytest.mark.real
-def test_doctor_says_which_servo_does_not_answer_and_changes_nothing(bus, tmp_path):
-    bus.tell("disconnect 2")
-    found = findings(GimbalDaemon(tmp_path, bus.link))
-    assert found["servo 2"]["verdict"] == "problem"
-    assert "rate" not in found
-    assert bus.state(1)["torque"] == 0
-
-
-@pytest.mark.real
 def test_doctor_leaves_a_bus_in_use_alone(bus, daemon):
     found = findings(daemon)
     assert found["bus"]["verdict"] == "problem"

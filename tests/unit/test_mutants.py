@@ -116,10 +116,3 @@ def test_survivors_of_a_file_and_tests_that_fail_anyway_are_told(root, capsys):
     }
     assert told[-1] == "3 mutants, 1 of them killed"
     assert (root / "orientd/sum.py").read_text() == before
-
-
-def test_names_of_nothing_are_refused(root, capsys):
-    ledger = root / "mutants.toml"
-    ledger.write_text(LEDGER)
-    assert mutants.main(["drivers"], root, ledger) == 1
-    assert capsys.readouterr().err == "expected names or files of mutants.toml, got drivers\n"

@@ -24,13 +24,6 @@ def motion(count=3):
     )
 
 
-@pytest.mark.parametrize("count", [2, 80])
-def test_a_motion_is_drawn(tmp_path, count):
-    path = tmp_path / "motion.png"
-    plots.draw(motion(count), path, title="a motion")
-    assert path.read_bytes().startswith(b"\x89PNG")
-
-
 def test_plot_of_a_motion_names_the_function_that_draws_it(tmp_path):
     with pytest.raises(OrientdError, match=r"orientd\.plots\.draw\(motion, path\)"):
         motion().plot(tmp_path / "motion.png")

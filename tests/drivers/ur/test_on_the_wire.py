@@ -1,4 +1,4 @@
-"""The certified setpoints arrive at a controller that shares no code with the driver."""
+"""The certified setpoints arrive at a controller, as its emulator has recorded them."""
 
 import json
 import math
@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm_recording import read_setpoints
 from direct_planners import run
 from judge import Judge
 from ur_rig import device_of, is_holding, plan, until
-from wire_reader import read_poses, reading
 
 from orientd import rotation
 from orientd.driver import AxisLimits
@@ -20,7 +20,6 @@ pytest.importorskip("rtde_control")
 
 MODELS = json.loads((Path(__file__).parents[2] / "data/ur/models.json").read_text())
 TWISTS = np.array([0.5, 0.0, 0.0, 0.5, -0.5, 0.0]) * math.pi
-START = (0.3, -1.3, 1.5, -1.7, -0.35, 0.4)
 
 
 def flange(name, joints):
@@ -37,14 +36,6 @@ def flange(name, joints):
     return found[:3, :3], found[:3, 3]
 
 
-def vector_of(matrix):
-    """Return the rotation vector of a matrix."""
-    turn = np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0],
-                     matrix[1, 0] - matrix[0, 1]])  # fmt: skip
-    angle = math.atan2(np.linalg.norm(turn), np.trace(matrix) - 1.0)
-    return turn / np.linalg.norm(turn) * angle
-
-
 def matrix_of(vector):
     """Return the matrix of a rotation vector, by Rodrigues' formula."""
     angle = np.linalg.norm(vector)
@@ -53,26 +44,26 @@ def matrix_of(vector):
     return np.eye(3) + math.sin(angle) * k + (1 - math.cos(angle)) * k @ k
 
 
-def test_joints_that_were_certified_make_the_poses_that_arrive(ur_host, tmp_path):
-    turned, position = flange("ur5e", START)
-    pose = (*position.tolist(), *vector_of(turned).tolist())
-    with reading(ur_host, tmp_path / "poses", pose, START):
-        options = {"model": "ur5e", "joint_acceleration_deg": 400.0, "keep_phase": False}
-        with device_of(ur_host, **options) as device:
-            start = device.commanded()
-            away = rotation.multiply(start.q, rotation.exp([0.2, -0.3, 0.25]))
-            there = tuple(np.add(start.position, (0.05, -0.03, 0.04)).tolist())
-            begin = Keyframe(start.q, position=tuple(start.position))
-            keyframes = [begin, Keyframe(tuple(away.tolist()), position=there)]
-            motion = plan(device, MotionRequest(keyframes))
-            run(device, motion)
-            until(lambda: device.snapshot().path_time > 0.1, "the motion")
-            until(lambda: is_holding(device), "the end", motion.facts.duration + 10.0)
-            assert device.snapshot().fault is Fault.NONE
-    arrived = np.array(read_poses(tmp_path / "poses"))
+def test_joints_that_were_certified_make_the_poses_that_arrive(ur_robot, tmp_path):
+    ur_robot.ask("record on")
+    options = {"model": "ur5e", "joint_acceleration_deg": 400.0, "keep_phase": False}
+    with device_of(ur_robot.host, **options) as device:
+        stood = ur_robot.state()["target_q"]
+        start = device.commanded()
+        away = rotation.multiply(start.q, rotation.exp([0.2, -0.3, 0.25]))
+        there = tuple(np.add(start.position, (0.05, -0.03, 0.04)).tolist())
+        begin = Keyframe(start.q, position=tuple(start.position))
+        keyframes = [begin, Keyframe(tuple(away.tolist()), position=there)]
+        motion = plan(device, MotionRequest(keyframes))
+        run(device, motion)
+        until(lambda: device.snapshot().path_time > 0.1, "the motion")
+        until(lambda: is_holding(device), "the end", motion.facts.duration + 10.0)
+        assert device.snapshot().fault is Fault.NONE
+    ur_robot.ask(f"record write {tmp_path / 'run'}")
+    arrived = np.array([row.target for row in read_setpoints(tmp_path / "run")])
     planned = rows_of(motion.read(0, motion.facts.record_count))
     joints = planned[:, -12:-6]  # then their velocities
-    assert joints[0] == pytest.approx(START, abs=1e-9)
+    assert joints[0] == pytest.approx(stood, abs=1e-9)
     # The device holds before and after: the motion is where the first record is left.
     first = int(np.argmax(np.linalg.norm(arrived - arrived[0], axis=1) > 0.0))
     begun = int(np.argmax(np.linalg.norm(planned[:, 10:13] - planned[0, 10:13], axis=1) > 0.0))

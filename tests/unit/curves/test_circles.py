@@ -6,43 +6,15 @@ import pytest
 from orientd.curves import METHODS
 from orientd.curves.inner_points import _inside_cone
 from orientd.errors import PlanError
-from orientd.rotation import align, angle, exp, multiply, slerp
+from orientd.rotation import angle, exp, multiply, slerp
 
 BLENDING, ARCS = METHODS["circular_blending"], METHODS["nielson_shieh"]
-
-
-def smooth_keys(count):
-    """Samples of a smooth motion, for which circle splines without negative weights exist."""
-    t = np.linspace(0.0, 2.0, count)
-    nod = np.stack([0.0 * t, 0.5 * np.sin(t), 0.3 * t], axis=1)
-    return align(multiply(exp(np.stack([t, 0.0 * t, 0.0 * t], axis=1)), exp(nod)))
 
 
 def speed_jump(curve):
     knots = curve.knots[1:-1]
     left, right = curve.evaluate(np.nextafter(knots, -np.inf)), curve.evaluate(knots)
     return np.abs(left[1] - right[1]).max() / np.abs(right[1]).max()
-
-
-def test_three_keyframes_are_joined_by_one_circle(random_keys):
-    curve = BLENDING(keys=random_keys(3, 1.2), times=[0.0, 0.4, 2.0])
-    q = curve.evaluate(np.linspace(0.0, 2.0, 50))[0]
-    spanned = np.linalg.matrix_rank(q - q[0], tol=1e-12)
-    assert spanned == 2
-
-
-@pytest.mark.parametrize("third_rad", [0.3, 0.9, 1.2, 2.0])
-def test_circles_pass_a_third_keyframe_nearer_or_farther_than_the_second(third_rad):
-    keys = exp([[0.0, 0.0, 0.0], [0.9, 0.3, 0.0], [0.2, third_rad, 0.4]])
-    curve = BLENDING(keys=keys, times="uniform")
-    assert angle(curve.evaluate([0.0, 1.0, 2.0])[0], keys).max() < 1e-13
-
-
-def test_keyframes_on_a_great_circle_are_joined_by_it():
-    keys = exp([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [1.1, 0.0, 0.0], [1.3, 0.0, 0.0]])
-    q, omega, _ = BLENDING(keys=keys, times="uniform").evaluate(np.linspace(0.0, 3.0, 31))
-    assert np.abs(q[:, 2:]).max() < 1e-14
-    assert np.abs(omega[:, 0][:10] - 0.4).max() < 1e-13
 
 
 def test_the_angle_of_the_notes_leaves_speed_jumps_of_half_the_speed():
@@ -58,35 +30,6 @@ def test_a_circle_through_keyframes_that_are_the_same_is_refused(random_keys, fi
     keys[second] = -keys[first]
     with pytest.raises(ValueError, match=rf"keys\[{first}\] and keys\[{second}\] the same"):
         BLENDING(keys=keys, times="uniform")
-
-
-def test_the_inner_points_of_the_reference_are_found(golden):
-    for name in ("nielson_shieh_M1", "nielson_shieh_explicit_M1"):
-        case = golden(name)
-        curve = ARCS(**case["params"])
-        assert np.abs(curve.shoulders - case["aux"]["M"]).max() < 1e-7
-        assert np.abs(curve.weights - case["aux"]["w"]).max() < 1e-7
-
-
-def test_inner_points_are_on_both_tangent_planes_and_one_line(random_keys):
-    keys = random_keys(6)
-    m = ARCS(keys=keys, times="uniform", require_positive=False).shoulders
-    assert np.abs(np.sum(m * keys[:-1], axis=1) - 1.0).max() < 1e-12
-    assert np.abs(np.sum(m * keys[1:], axis=1) - 1.0).max() < 1e-12
-    for before, key, after in zip(m[:-1], keys[1:-1], m[1:], strict=True):
-        assert np.linalg.matrix_rank(np.array([before - key, after - key]), tol=1e-9) == 1
-
-
-def test_each_segment_is_an_arc_of_a_circle(random_keys):
-    curve = ARCS(keys=random_keys(4, seed=3), times="uniform", require_positive=False)
-    for i in range(3):
-        q = curve.evaluate(np.linspace(i, i + 0.999, 20))[0]
-        assert np.linalg.matrix_rank(q - q[0], tol=1e-11) == 2
-
-
-def test_smooth_samples_have_arcs_without_negative_weights():
-    curve = ARCS(keys=smooth_keys(30), times="uniform")
-    assert curve.weights.min() > 0.9
 
 
 def test_keyframes_that_leave_no_first_tangent_are_said_to(random_keys):

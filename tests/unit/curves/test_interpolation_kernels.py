@@ -1,10 +1,9 @@
-"""The kernels of interpolation against plain NumPy, SciPy and mpmath."""
+"""The kernels of interpolation against SciPy and mpmath."""
 
 import mpmath
 import numpy as np
 import pytest
 import scipy.linalg
-from reference.keyframe_equations import effort, keyframe_equations
 
 from orientd import kernels
 from orientd.curves import METHODS
@@ -37,33 +36,6 @@ def test_a_singular_banded_system_is_refused(value):
     band[:, 3] = value
     with pytest.raises(np.linalg.LinAlgError):
         solve_banded(1, 1, band, np.ones(6))
-
-
-@pytest.mark.parametrize("inertia", [None, [3.0, 2.0, 1.0], np.diag([3.0, 2.0, 1.5]) + 0.3])
-@pytest.mark.parametrize(("order", "spans"), [(4, 2), (4, 3), (5, 2), (6, 3)])
-@pytest.mark.parametrize("step", [1e-3, 1.0, 2.9])
-def test_effort_and_derivatives_are_those_of_numpy(
-    random_keys, monkeypatch, inertia, order, spans, step
-):
-    seen = []
-    linearise = kernels.linearise_effort
-
-    def noted(*arguments):
-        effort_there = linearise(*arguments)
-        seen.append((effort_there, *(np.copy(argument) for argument in arguments)))
-        return effort_there
-
-    monkeypatch.setattr("orientd.curves.minimum_effort.linearise_effort", noted)
-    given = {"keys": random_keys(6, step), "inertia": inertia, "order": order, "spans": spans}
-    METHODS["minimum_effort"](**given)
-    assert seen
-    for found, w, window, weights, roots, matrix, index, share, steps, *written in seen:
-        window = window.reshape(-1, weights.shape[1])
-        expected = effort(w, window, weights, roots, matrix if len(matrix) else None)
-        bound, missed = keyframe_equations(w, index.reshape(share.shape), share, steps)
-        for one, other in zip((found, *written[:3]), (*expected, bound), strict=True):
-            assert np.abs(one - other).max() <= 1e-13 * np.abs(other).max()
-        assert np.abs(written[3] - missed).max() <= 1e-14
 
 
 @pytest.mark.parametrize("start", ENDS)

@@ -6,15 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.torque import torques
 from scipy.optimize import least_squares
 from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 
 from orientd.curves import METHODS
-from orientd.curves.basis import cumulative_basis
 from orientd.curves.keyframes import resolve_times
-from orientd.curves.minimum_effort import effort_knots
 from orientd.errors import PlanError
 from orientd.rotation import align, angle, exp, multiply, normalize
 
@@ -149,39 +146,6 @@ def test_ten_keyframes_of_170_degrees_take_less_than_a_hundredth_more_than_the_o
     least = effort(METHODS["min_acceleration"](keys=keys, times="uniform"))
     assert effort(LEAST(keys=keys, times="uniform")) < 1.01 * least
     assert effort(LEAST(keys=keys, times="uniform", spans=3)) < 1.005 * least
-
-
-@pytest.mark.parametrize("inertia", [None, INERTIA], ids=["acceleration", "torque"])
-@pytest.mark.parametrize("order", [4, 6])
-def test_derivatives_of_the_torque_are_its_differences(inertia, order):
-    rng = np.random.default_rng(order)
-    count, factors = 40, order - 1
-    w = rng.normal(size=(count, factors, 3))
-    w[:5] *= 1e-4
-    weights = rng.normal(size=(3, factors, count))
-    _, derivatives = torques(w, weights, inertia)
-    h = 1e-3
-    for j in range(factors):
-        for axis in range(3):
-            moves = []
-            for share in (-2, -1, 1, 2):
-                moved = w.copy()
-                moved[:, j, axis] += share * h
-                moves.append(torques(moved, weights, inertia)[0])
-            measured = (moves[0] - 8 * moves[1] + 8 * moves[2] - moves[3]) / (12 * h)
-            assert measured == pytest.approx(derivatives[:, :, j, axis], abs=2e-8)
-
-
-def test_the_torque_is_that_of_the_curve(random_keys):
-    curve = LEAST(keys=random_keys(4), times=TIMES[:4])
-    basis = cumulative_basis(effort_knots(TIMES[:4], 4, 2, 1), 4)
-    span = np.array([0, 2, 3, 5])
-    t = basis.breaks[span] + 0.3 * np.diff(basis.breaks)[span]
-    window = basis.first[span, None] - 1 + np.arange(3)
-    found, _ = torques(curve.increments[window], basis.at(span, t), INERTIA)
-    _, omega, alpha = curve.evaluate(t)
-    euler = alpha @ INERTIA + np.cross(omega, omega @ INERTIA)
-    assert found == pytest.approx(euler, abs=1e-10)
 
 
 def test_no_small_change_of_a_curve_between_its_keyframes_lowers_the_effort(random_keys):

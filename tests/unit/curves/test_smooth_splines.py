@@ -89,13 +89,6 @@ def test_the_second_derivative_of_the_velocity_stands_still_in_the_world(random_
         assert np.abs(change - np.cross(jerk, omega)).max() < 1e-4 * (1.0 + np.abs(jerk).max())
 
 
-def test_two_natural_ends_are_joined_by_the_great_arc(random_keys):
-    keys = random_keys(2)
-    _, omega, alpha = LEAST(keys=keys, times=[0.0, 2.0]).evaluate(np.linspace(0.0, 2.0, 9))
-    assert np.abs(omega - increments(keys)).max() < 1e-12
-    assert np.abs(alpha).max() < 1e-12
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_fast_end_coasts_instead_of_winding_back(random_keys, seed):
     keys = random_keys(5, seed=seed)
@@ -133,22 +126,6 @@ def test_an_order_is_continuous_in_two_derivatives_less(random_keys, order):
         jump = np.abs(sides[1] - sides[0]).max(axis=1) / size
         assert np.all(jump[: order - 3] < 1e-8)
         assert jump[order - 3] > 1e-7
-
-
-def test_natural_ends_of_high_orders_have_no_jerk(random_keys):
-    for order in (5, 6):
-        curve = HIGHER(keys=random_keys(6), times=TIMES, order=order)
-        after, before = curve.evaluate([1e-6])[2], curve.evaluate([5.0 - 1e-6])[2]
-        assert np.abs([after, before]).max() < 1e-9
-
-
-def test_order_four_is_the_default_family(random_keys):
-    keys, times = random_keys(6, 1.5), np.linspace(0.0, 5.0, 50)
-    for ends in ({}, ENDS):
-        pair = [family(keys=keys, times=TIMES, **ends) for family in (C2,)]
-        pair.append(HIGHER(keys=keys, times=TIMES, order=4, **ends))
-        for a, b in zip(*(curve.evaluate(times) for curve in pair), strict=True):
-            assert np.abs(a - b).max() < 1e-11
 
 
 @pytest.mark.parametrize("order", [3, 5, 6])

@@ -113,3 +113,21 @@ def test_a_period_that_turns_far_is_told_to_be_sampled(turn):
     found = extremes(rows, brake_limits=DEFAULT_LIMITS)
     assert found.unproven == 19
     assert np.sqrt(found.largest[0][0]) == pytest.approx(turn, rel=1e-12)
+
+
+def test_what_is_not_a_number_is_the_largest_difference():
+    q = exp(np.linspace(0.0, 1.0, 40)[:, None] * np.ones(3))
+    q[20] = np.nan
+    assert np.isnan([row[0] for row in extremes(q).largest]).all()
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-4, 0.0624, 0.0625, 0.0626, 1.0, 3.0])
+def test_differences_are_those_of_turns_of_any_size(angle):
+    rng = np.random.default_rng(1)
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    q = multiply(exp(rng.normal(size=3)), exp(angle * np.arange(5)[:, None] * axis))
+    q *= rng.choice([-1.0, 1.0], 5)[:, None]
+    found = extremes(q, with_axes=True)
+    sizes = np.sqrt(found.largest[0])
+    assert sizes == pytest.approx(angle * np.array([1.0, *np.abs(axis)]), rel=1e-12, abs=1e-15)
+    assert np.sqrt(found.largest[1:3]).max() <= 1e-15 + 1e-14 * angle

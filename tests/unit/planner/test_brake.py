@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, differences, random_motions
 
-from orientd.planner import Limits
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
+from orientd.rotation import conjugate, exp, log, multiply
 from orientd.servo.path.time_scaling import TimeScaling
 
 SOFT = LIMITS["soft"]
@@ -137,3 +138,29 @@ def test_stops_at_random_points_keep_the_limits_of_the_guard(name, method, count
         p = np.concatenate([samples.position[:1], samples.position, samples.position[-1:]])
         push = np.linalg.norm(np.diff(p, n=2, axis=0), axis=1) / PERIOD**2
         assert push.max() <= limits.linear_acceleration * 1.001
+
+
+@pytest.mark.parametrize("jerk", [8500.0, 300.0])
+@pytest.mark.parametrize("method", ["kks_hermite_spline", "squad", "c2_cumulative"])
+def test_the_brake_of_a_motion_counts_the_acceleration_of_every_record(method, jerk):
+    limits, rng = LIMITS["arm"].with_rates({"jerk": jerk}), np.random.default_rng(6)
+    keyframes = [Keyframe(tuple(q)) for q in exp(0.3 * rng.normal(size=(5, 3))).tolist()]
+    request = MotionRequest(keyframes, method=method, approach=True, pace="even")
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0))
+    motion = plan(request, start=start, limits=limits, period=PERIOD)
+    rows = motion.records(0, motion.record_count)
+    omega = log(multiply(conjugate(rows[:-1, :4]), rows[1:, :4])) / PERIOD
+    alpha = np.diff(omega, axis=0) / PERIOD
+    changes = np.linalg.norm(np.diff(alpha, axis=0), axis=1) / PERIOD
+    # Of the accelerations of the three records, as far as they leave a share of the limit.
+    known = np.minimum(np.linalg.norm(rows[1:, 7:10], axis=1), 0.95 * limits.acceleration)
+    known = np.lib.stride_tricks.sliding_window_view(known, 3).max(axis=1)
+    speed, size = (np.linalg.norm(part, axis=1) for part in (omega[2:], alpha[1:]))
+    along = np.sum(omega[2:] * alpha[1:], axis=1) / np.maximum(speed, 1e-12)
+    beside = np.sqrt(np.maximum(np.maximum(size, known) ** 2 - along**2, 0.0))
+    still = np.zeros(len(speed))
+    velocities, accelerations = (
+        np.stack(parts, axis=1) for parts in ((speed, still, still), (along, beside, still))
+    )
+    rate, _ = angular_rate(velocities, accelerations, changes, limits)
+    assert 0.99 * rate < motion.certificate.brake_rate <= rate * (1.0 + 1e-9)

@@ -3,11 +3,10 @@ from math import sqrt
 import numpy as np
 import pytest
 from planned import rotations
-from reference.brake import brake_rate
 
 from orientd.floats import difference
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.certify.brake import FASTEST_BRAKE_RATE
+from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
 from orientd.planner.certify.measuring import measure
 from orientd.rotation import conjugate, exp, log, multiply
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from planned import LIMITS, rotations
-from reference.survey import coarse_factor, factor_of_records
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.job import PlanJob
+from orientd.planner.path import Path
 from orientd.planner.timing import even
-from orientd.planner.timing.even import pace_of
+from orientd.planner.timing.even import pace_of, shortest
 from orientd.planner.timing.knots import Knots
-from orientd.rotation import normalize
+from orientd.rotation import conjugate, log, multiply
 
 ARM = LIMITS["arm"]
 PERIOD = 0.002
@@ -80,32 +80,75 @@ def test_a_peak_that_the_spots_have_missed_is_found_in_the_end(monkeypatch):
     assert motion.certificate.peak_acceleration.planned_ratio <= 1.0
 
 
-AXES = DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})
+LIMITED = {
+    "none in particular": ARM,
+    "the jerk": ARM.with_rates({"jerk": 20.0}),
+    "the position": Limits(2.5, 17.0, 300.0, 0.02, 10.0),
+    "the push of the position": Limits(2.5, 17.0, 300.0, 1.0, 0.01),
+    "the axes": DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.2, 1.5], "jerk": 300.0}),
+}
 
 
-@pytest.mark.parametrize("limits", [DEFAULT_LIMITS, AXES])
-@pytest.mark.parametrize("count", [2, 5, 30, pytest.param(80, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("end_velocity", [None, (0.0, 0.2, 0.0)])
-def test_the_kernel_says_what_numpy_says(limits, count, end_velocity):
-    keys = np.array([4.0, 0.0, 0.0, 0.0]) + np.random.default_rng(count).normal(size=(count, 4))
-    asked = MotionRequest([Keyframe(tuple(q)) for q in normalize(keys).tolist()])
-    made = keyframe_path(asked, 1.4 * count, end_velocity)
-    found = looked_at(made, limits, everywhere=True)
-    assert found.coarse == pytest.approx(coarse_factor(made, limits, PERIOD), rel=1e-9)
-    assert found.factor == pytest.approx(factor_of_records(made, limits, PERIOD), rel=1e-9)
-    assert looked_at(made, limits).factor == pytest.approx(found.factor, rel=2e-3)
+def shares_of(q, position, limits):
+    """Return the largest shares of the limits of each order: of velocities, accelerations, jerk."""
+    rates = [log(multiply(conjugate(q[:-1]), q[1:])) / PERIOD]
+    rates += [np.diff(rates[0], k, axis=0) / PERIOD**k for k in (1, 2)]
+    shares = []
+    for name, rate in zip(("velocity", "acceleration", "jerk"), rates, strict=True):
+        norm = np.linalg.norm(rate, axis=1).max() / getattr(limits, name)
+        shares.append(max(norm, (np.abs(rate).max(axis=0) / limits.axes(name)).max()))
+    for k, name in enumerate(("linear_velocity", "linear_acceleration")):
+        move = np.diff(position, k + 1, axis=0) / PERIOD ** (k + 1)
+        shares[k] = max(shares[k], np.linalg.norm(move, axis=1).max() / getattr(limits, name))
+    return shares
 
 
-@pytest.mark.parametrize("limits", [ARM, Limits(2.5, 17.0, 300.0, 0.02, 0.1)])
-def test_a_position_counts_as_its_differences(limits):
+def with_positions():
     random = np.random.default_rng(4)
-    q = rotations(random, 6, 0.3)
-    places = random.uniform(-0.2, 0.2, (6, 3))
-    asked = MotionRequest(
-        [Keyframe(key, position=tuple(place)) for key, place in zip(q, places, strict=True)]
-    )
-    made = keyframe_path(asked, 4.0)
-    found = looked_at(made, limits, everywhere=True)
-    # The reference looks at the last record, too, which is not a whole period behind the others.
-    assert found.factor == pytest.approx(factor_of_records(made, limits, PERIOD), rel=1e-4)
-    assert looked_at(made, limits).factor == pytest.approx(found.factor, rel=2e-3)
+    places = random.uniform(-0.2, 0.2, (6, 3)).tolist()
+    keys = rotations(random, 6, 0.3)
+    return [Keyframe(key, position=tuple(at)) for key, at in zip(keys, places, strict=True)]
+
+
+@pytest.mark.parametrize("limits", LIMITED.values(), ids=LIMITED)
+def test_a_path_takes_no_longer_than_its_tightest_limit_asks_for(limits):
+    keyframes = with_positions()
+    start = State.at_rest(keyframes[0].q, keyframes[0].position)
+    motion = plan(MotionRequest(keyframes, pace="even"), start=start, limits=limits, period=PERIOD)
+    sent = motion.sample(PERIOD * np.arange(motion.record_count))
+    assert 0.94 < max(shares_of(sent.q, sent.position, limits)) <= 1.001
+
+
+@pytest.mark.parametrize("limits", LIMITED.values(), ids=LIMITED)
+def test_a_path_should_take_longer_by_the_factor_that_its_records_show(limits):
+    made = keyframe_path(MotionRequest(with_positions()), 4.0)
+    sent = Path(made.trajectory, made.positions).sample(PERIOD * np.arange(2001))
+    shares = shares_of(sent.q, sent.position, limits)
+    expected = max(share ** (1.0 / (1 + order)) for order, share in enumerate(shares))
+    assert looked_at(made, limits, everywhere=True).factor == pytest.approx(expected, rel=5e-3)
+    assert looked_at(made, limits).factor == pytest.approx(expected, rel=5e-3)
+
+
+def test_the_search_turns_to_fewer_cycles_where_more_are_worse():
+    tried = []
+
+    def attempt(cycles):
+        tried.append(cycles)
+        return max(0.9, 400.0 / cycles, cycles / 800.0)
+
+    found = shortest(attempt, 3000, most=10**7)
+    assert found == pytest.approx(400, rel=2e-3)
+    assert found in tried
+    assert len(tried) < 25
+
+
+def test_the_search_gives_up_where_the_least_is_too_much():
+    tried = []
+
+    def attempt(cycles):
+        tried.append(cycles)
+        return np.inf if cycles > 5000 else max(400.0 / cycles, cycles / 300.0)
+
+    assert shortest(attempt, 3000, most=10**7) is None
+    assert len(tried) < 20
+    assert max(tried) < 10_000

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS, CurveTask, compare, make_curve, ranked
-from orientd.errors import OrientdError
 from orientd.planner import Limits
 from orientd.rotation import exp, from_euler
 
 pytest.importorskip("matplotlib")
 
 from orientd import plots
-from orientd.plots.bodies import SweptPoses, draw_bodies, plate, prism
+from orientd.plots.bodies import SweptPoses, draw_bodies, plate
 from orientd.plots.paper import new_figure
 from orientd.plots.recording import _mark
 from orientd.plots.sampling import traces_of
@@ -68,10 +67,6 @@ def test_limits_are_drawn_where_the_curve_comes_near_and_told_where_not(tmp_path
     assert len(re.findall(r'id="limit"', text)) == 1
 
 
-def test_no_limit_is_drawn_where_there_is_none(tmp_path):
-    assert "limit" not in svg(plots.draw_traces, tmp_path, traces(), title="curve")
-
-
 def test_the_same_picture_is_the_same_file(tmp_path):
     one = svg(plots.draw_traces, tmp_path, traces(), title="curve")
     assert one == svg(plots.draw_traces, tmp_path, traces(), title="curve")
@@ -119,18 +114,6 @@ def test_a_sheet_shows_who_applies_and_says_who_does_not(tmp_path):
     assert "not drawn: slerp (takes exactly 2 keyframes, got 6)" in text
 
 
-def test_a_sheet_of_nothing_still_says_why(tmp_path):
-    candidates = compare(TASK, families={"slerp": METHODS["slerp"]})
-    assert "not drawn: slerp" in svg(plots.draw_sheet, tmp_path, TASK, candidates, title="none")
-
-
-def test_faces_of_a_body_look_outwards():
-    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    for face in prism(square, 0.5):
-        normal = np.cross(face[1] - face[0], face[2] - face[1])
-        assert normal @ face.mean(axis=0) > 0.0
-
-
 def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
     axes = new_figure(3.0, 3.0).subplots()
     positions = np.outer(np.arange(16.0), [1.0, 0.3, 0.1])
@@ -144,31 +127,6 @@ def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
     assert len(painted.get_paths()) == len(faces) * (10 + 6)
     lightness = painted.get_facecolor()[:, :3].mean(axis=1)
     assert (lightness < 0.32).sum() == len(faces) * 6
-
-
-@pytest.mark.parametrize("part", ["triads", "rates", "body"])
-def test_parts_of_a_picture_can_be_drawn_alone(tmp_path, part):
-    path = tmp_path / "part.svg"
-    positions = np.cumsum(traces().omega_body, axis=0) * 1e-3
-    plots.draw_part(path, traces(), part, title=part, positions=positions)
-    assert path.stat().st_size > 5_000
-
-
-def test_a_name_without_a_known_ending_is_refused_before_anything_is_drawn(tmp_path):
-    with pytest.raises(OrientdError, match=r"must end in \.png, \.svg, \.pdf, got 'x.bmp'"):
-        plots.draw_traces(tmp_path / "x.bmp", traces(), title="curve")
-
-
-def test_a_curve_of_two_keyframes_a_moment_apart_is_drawn(tmp_path):
-    keys = exp(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-9]]))
-    task = CurveTask(keys, np.array([0.0, 1e-3]))
-    assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("slerp", task), title="tiny"))
-
-
-def test_many_keyframes_are_drawn(tmp_path):
-    turns = np.outer(np.arange(150), [0.02, 0.01, 0.03])
-    task = CurveTask(exp(turns), np.arange(150.0))
-    assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("squad", task), title="many"))
 
 
 def test_names_of_events_at_one_moment_stand_side_by_side():

@@ -1,6 +1,5 @@
 """Where a follower is on a path of parts, record by record."""
 
-import dataclasses
 import struct
 from dataclasses import replace
 from math import atan2, inf, sqrt
@@ -8,7 +7,7 @@ from math import atan2, inf, sqrt
 import pytest
 from rig import PERIOD, TERMS
 
-from orientd.driver import IDENTITY, ZERO
+from orientd.driver import ZERO
 from orientd.floats import exp
 from orientd.servo.path.path_follower import (
     MOST_LEGS,
@@ -82,32 +81,6 @@ def ahead(follower, records):
     return at(follower.advance(records))
 
 
-def test_before_a_motion_there_is_nothing(ring, follower):
-    assert (follower.index, follower.fraction, follower.is_at_end) == (0, 0.0, False)
-    assert (follower.part, follower.revision) == (follower.part, 0)
-    assert (follower.part.number, follower.part.first, follower.part.servo_limits) == (0, 0, TERMS)
-    assert not follower._ahead
-    assert follower.peek(0) is None
-    assert not follower.reaches(0)
-    with pytest.raises(StarvedError, match="path record 0 is not in the ring"):
-        follower.advance(0.0)
-    with pytest.raises(StarvedError, match="path record 3 is not in the ring"):
-        follower.begin(PathPart(1, 3, TERMS))
-
-
-def test_parts_cannot_be_changed(follower):
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        follower.part.leave = 3
-
-
-def test_only_what_is_in_the_ring_is_peeked_at(ring, follower):
-    put(ring, point(0), point(1, position=(1.0, 2.0, 3.0)))
-    assert follower.peek(-1) is None
-    assert follower.peek(2) is None
-    assert follower.peek(0) == point(0)
-    assert follower.peek(1) == point(1, position=(1.0, 2.0, 3.0))
-
-
 def test_a_record_that_is_written_and_not_published_is_not_peeked_at(ring, follower):
     lay(ring, range(3))
     record = ring.read_bytes(2)
@@ -144,44 +117,6 @@ def test_a_record_that_is_being_published_is_read_again(ring, follower, monkeypa
     assert follower.peek(1) is None
 
 
-def test_a_motion_begins_on_its_first_record(ring, follower):
-    lay(ring, range(3))
-    begun(ring, follower)
-    assert (follower.index, follower.fraction, follower.is_at_end) == (3, 0.0, False)
-    assert follower.revision == 1
-    assert ring.words[TAIL_WORD] == 3
-    assert follower.advance(0.0) == point(0)
-
-
-def test_whole_records_are_the_points_themselves(ring, follower):
-    begun(ring, follower)
-    for k in range(1, 5):
-        assert follower.advance(1.0) == point(k)
-        assert (follower.index, follower.fraction, follower.is_at_end) == (k, 0.0, False)
-        assert ring.words[TAIL_WORD] == k
-
-
-def test_fractions_add_up_from_record_to_record(ring, follower):
-    begun(ring, follower)
-    along = 0.0
-    for step in (0.25, 0.25, 0.25, 0.25, 0.75, 0.5, 1.0, 0.125, 0.0, 0.875):
-        along += step
-        assert ahead(follower, step) == pytest.approx(along, abs=1e-6)
-        assert follower.index + follower.fraction == along
-        assert 0.0 <= follower.fraction < 1.0
-
-
-@pytest.mark.parametrize("step", [1.0, 0.5, 0.3])
-def test_the_last_record_is_never_passed(ring, follower, step):
-    begun(ring, follower, 5)
-    end(ring, 4)
-    for _ in range(30):
-        assert follower.is_at_end == (follower.index == 4)
-        ahead(follower, step)
-    assert (follower.index, follower.fraction, follower.is_at_end) == (4, 0.0, True)
-    assert follower.advance(0.7) == point(4)
-
-
 def test_without_an_end_the_path_is_starved_of_what_is_not_there(ring, follower):
     begun(ring, follower, 3)
     ahead(follower, 1.0)
@@ -204,107 +139,6 @@ def test_an_end_of_a_motion_before_does_not_count(ring, follower):
     assert follower.records_left() == 2
 
 
-def test_the_end_may_be_told_with_the_leg(ring, follower):
-    begun(ring, follower, 5, final=3)
-    assert follower.records_left() == 3
-    ahead(follower, 0.5)
-    assert follower.records_left() == 2.5
-    for _ in range(4):
-        ahead(follower, 1.0)
-    assert (follower.index, follower.is_at_end) == (3, True)
-
-
-def test_a_motion_of_one_record_is_at_its_end(ring, follower):
-    begun(ring, follower, 1, final=0)
-    assert follower.records_left() == 0
-    ahead(follower, 0.5)
-    assert (follower.index, follower.is_at_end) == (0, True)
-
-
-def test_it_reaches_what_is_in_the_ring(ring, follower):
-    begun(ring, follower, 6)
-    assert follower.reaches(5)
-    assert not follower.reaches(6)
-    ahead(follower, 1.0)
-    assert follower.reaches(4)
-    assert not follower.reaches(5)
-    lay(ring, [6])
-    assert follower.reaches(5)
-    end(ring, 7)
-    assert not follower.reaches(6)
-    lay(ring, [7])
-    assert follower.reaches(100)
-
-
-def test_what_was_reached_before_another_motion_does_not_count(ring, follower):
-    begun(ring, follower, 50)
-    assert follower.reaches(40)
-    first = lay(ring, range(3))
-    follower.begin(PathPart(2, first, TERMS))
-    assert follower.reaches(2)
-    assert not follower.reaches(3)
-
-
-@pytest.mark.parametrize("step", [1.0, 0.5, 0.4])
-def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
-    begun(ring, follower, 10)
-    first = lay(ring, range(5, 9))
-    part = PathPart(2, first, TERMS, leave=5, final=first + 3)
-    assert follower.splice(part) == ""
-    assert follower._ahead
-    assert follower.revision == 2
-    assert follower.records_left() == inf
-    along = 0.0
-    while not follower.is_at_end:
-        along = min(along + step, 8.0)
-        assert ahead(follower, step) == pytest.approx(along, abs=1e-6)
-        is_over = along >= 6.0 or (along >= 5.0 and follower.part is part)
-        assert (follower.part is part) == is_over
-        if is_over:
-            assert follower.index + follower.fraction == pytest.approx(first + along - 5)
-            assert not follower._ahead
-            assert follower.records_left() == pytest.approx(8.0 - along)
-    assert along == 8.0
-    assert follower.index == first + 3
-
-
-def test_at_the_record_of_a_splice_the_new_leg_has_begun(ring, follower):
-    begun(ring, follower, 10)
-    first = lay(ring, range(2, 6))
-    part = PathPart(2, first, TERMS, leave=2)
-    assert follower.splice(part) == ""
-    ahead(follower, 1.0)
-    ahead(follower, 1.0)
-    assert (follower.index, follower.part) == (first, part)
-    follower.begin(PathPart(3, 0, TERMS))
-    ahead(follower, 1.0)
-    ahead(follower, 1.0)
-    # The record that was written last may be left too.
-    assert follower.splice(part) == ""
-    assert ahead(follower, 0.5) == pytest.approx(2.5, abs=1e-6)
-    assert (follower.index, follower.fraction, follower.part) == (first, 0.5, part)
-
-
-def test_the_end_of_a_leg_that_is_left_is_no_end(ring, follower):
-    begun(ring, follower, 5, final=4)
-    first = lay(ring, range(4, 8))
-    assert follower.splice(PathPart(2, first, TERMS, leave=4)) == ""
-    end(ring, first + 3)
-    for k in range(1, 8):
-        assert not follower.is_at_end
-        assert ahead(follower, 1.0) == pytest.approx(k)
-    assert follower.is_at_end
-
-
-def test_the_only_record_of_a_last_leg_is_its_end(ring, follower):
-    begun(ring, follower, 10)
-    first = lay(ring, [2])
-    assert follower.splice(PathPart(2, first, TERMS, leave=2, final=first)) == ""
-    ahead(follower, 1.5)
-    assert ahead(follower, 1.0) == pytest.approx(2.0)
-    assert (follower.index, follower.fraction, follower.is_at_end) == (first, 0.0, True)
-
-
 def test_of_all_that_lies_ahead_the_least_brake_rate_counts(ring, follower):
     firsts = chained(ring, follower)
     assert follower.slowest_brake_rate == TERMS.brake_rate
@@ -314,15 +148,6 @@ def test_of_all_that_lies_ahead_the_least_brake_rate_counts(ring, follower):
     assert follower.slowest_brake_rate == slow.brake_rate
     follower.begin(PathPart(5, first, replace(TERMS, brake_rate=9.0)))
     assert follower.slowest_brake_rate == 9.0
-
-
-def test_what_is_left_out_by_a_splice_is_not_reached_any_more(ring, follower):
-    begun(ring, follower, 30)
-    assert follower.reaches(25)
-    first = lay(ring, range(4, 8))
-    assert follower.splice(PathPart(2, first, TERMS, leave=4)) == ""
-    assert follower.reaches(7)
-    assert not follower.reaches(8)
 
 
 def chained(ring, follower):
@@ -395,15 +220,6 @@ def test_a_splice_on_a_leg_ahead_keeps_those_before_it(ring, follower):
         ahead(follower, 1.0)
         numbers.append(follower.part.number)
     assert numbers == [1, 1, 1, 2, 2, 4, 4, 4]
-
-
-def test_a_leg_ahead_may_be_left_at_its_first_record(ring, follower):
-    firsts = chained(ring, follower)
-    first = lay(ring, range(4, 9))
-    assert follower.splice(PathPart(4, first, TERMS, leave=firsts[1])) == ""
-    for k in range(1, 7):
-        assert ahead(follower, 1.0) == pytest.approx(k)
-    assert follower.part.number == 4
 
 
 def test_a_record_beyond_where_its_leg_is_left_is_not_on_the_path(ring, follower):
@@ -481,16 +297,6 @@ def test_paths_are_joined_where_they_agree(ring, follower, name, most, words, un
     assert problem == f"the {words} of the two paths differs by {1.1 * most:.3g} {unit}"
 
 
-def test_paths_are_joined_wherever_they_agree_on_the_place(ring, follower):
-    place = (0.1, -0.2, 0.3)
-    first = put(ring, point(0, position=place))
-    follower.begin(PathPart(1, first, TERMS))
-    assert follower.splice(PathPart(2, first, TERMS, leave=first)) == ""
-    second = put(ring, point(0, position=(-0.1, 0.2, -0.3)))
-    problem = follower.splice(PathPart(2, second, TERMS, leave=first))
-    assert problem == "the position of the two paths differs by 0.748 m"
-
-
 def test_orientations_are_joined_up_to_a_nanoradian_and_their_sign(ring, follower):
     lay(ring, range(3))
     follower.begin(PathPart(1, 0, TERMS))
@@ -507,13 +313,3 @@ def test_what_is_not_a_number_is_not_joined(ring, follower):
     follower.begin(PathPart(1, 0, TERMS))
     first = put(ring, point(2, velocity=(float("nan"), 0.0, 0.0)))
     assert "velocity" in follower.splice(PathPart(2, first, TERMS, leave=2))
-
-
-def test_a_motion_forgets_the_legs_of_the_one_before(ring, follower):
-    chained(ring, follower)
-    first = lay(ring, range(3))
-    follower.begin(PathPart(9, first, TERMS))
-    assert not follower._ahead
-    assert follower.revision == 4
-    assert ahead(follower, 1.0) == pytest.approx(1.0)
-    assert follower.peek(first).q == IDENTITY
