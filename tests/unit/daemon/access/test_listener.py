@@ -372,3 +372,13 @@ def test_no_session_of_tls_is_resumed_past_a_newer_revocation_list(tmp_path):
 
     access = AccessSettings(certificates={"pendant": "operator"})
     run(tmp_path, work, tcp=tcp, access=access)
+
+
+def test_a_message_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+    async def work(daemon):
+        with daemon.channel() as channel:
+            with pytest.raises(GRPCError, match=r"too large: 200\d\d\d bytes, at most 100000"):
+                await get(channel, "x" * 200_000)
+            assert await get(channel)
+
+    run(tmp_path, work, access=AccessSettings(message_bytes=100_000))
