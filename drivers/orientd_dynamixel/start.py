@@ -96,7 +96,9 @@ def prepare(
     for place, servo in enumerate(servos):
         told += changed[place]
         servo.clear_error(sleep)
-        has_counted = servo.has_kept_power()
+        has_counted = servo.has_kept_power() and not turns.is_lost(place)
+        if not has_counted:
+            turns.lose(place)  # once it is configured it would seem to have kept its power
         servo.position = turns.last(place) if has_counted else None
         try:
             servo.configure()

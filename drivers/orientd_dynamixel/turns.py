@@ -3,7 +3,7 @@
 A record of the file holds a servo's position over all its turns and the part of it that the servo
 itself has forgotten.  The count of a servo that has kept its power is accepted.  A restarted servo
 must stand within 45 degrees of its last known position, because nothing else distinguishes the
-turns.
+turns.  Until it does, its record says that the count is lost: the servo keeps its power meanwhile.
 
 The computer may lose its power together with the servos.  So a thread has the disk keep the file
 whenever a servo has moved by half of that since it last did, and when the file is closed.  A servo
@@ -28,6 +28,8 @@ from orientd_dynamixel.servo import Servo
 
 _RECORD = struct.Struct("<qqq")
 """Id of the servo plus one, position over all turns and its forgotten part, ticks."""
+_LOST = -(1 << 63)
+"""Forgotten part of a servo that has restarted, until its turns are known again."""
 
 
 class Turns:
@@ -65,10 +67,7 @@ class Turns:
             os.fsync(descriptor)
             sync_name(self.path)
         except OSError as error:
-            raise DeviceFaultError(
-                f"turns cannot be remembered in {self.path}: {error.strerror}; name another file "
-                "as turns_file"
-            ) from error
+            raise self._unwritten(error) from error
         self._records = [kept[at : at + _RECORD.size] for at in range(0, size, _RECORD.size)]
         self._kept = [math.inf] * len(self._records)
 
@@ -94,6 +93,34 @@ class Turns:
                 if 2 * abs(seen - self._kept[place]) > servo.near:
                     self._kept[place] = seen
                     self._file.is_due.set()
+
+    def is_lost(self, place: int) -> bool:
+        """Return whether the servo of an axis has restarted and its turns are still unknown."""
+        owner, _, forgotten = _RECORD.unpack(self._records[place])
+        return bool(owner == self._servos[place].options.id + 1 and forgotten == _LOST)
+
+    def lose(self, place: int) -> None:
+        """Record that the servo of an axis has restarted, for every process to come.
+
+        Raises:
+            DeviceFaultError: that cannot be written.
+        """
+        owner, seen, _ = _RECORD.unpack(self._records[place])
+        if owner != self._servos[place].options.id + 1:
+            return
+        self._records[place] = record = _RECORD.pack(owner, seen, _LOST)
+        if self._file is not None:
+            try:
+                os.pwrite(self._file.descriptor, record, place * _RECORD.size)
+                os.fsync(self._file.descriptor)
+            except OSError as error:
+                raise self._unwritten(error) from error
+
+    def _unwritten(self, error: OSError) -> DeviceFaultError:
+        return DeviceFaultError(
+            f"turns cannot be remembered in {self.path}: {error.strerror}; name another file as "
+            "turns_file"
+        )
 
     def last(self, place: int) -> int | None:
         """Return the last known position of the servo of the axis at *place*, in its ticks.

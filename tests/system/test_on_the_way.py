@@ -14,7 +14,7 @@ from harness import (
 
 import orientd
 from orientd import rotation
-from orientd.errors import LeaseError, LimitError, RequestError
+from orientd.errors import LeaseError, LimitError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_vector
 
@@ -209,6 +209,17 @@ def test_a_stop_ends_what_runs_and_what_was_to_follow(daemon, robot):
     robot.stop()
     assert {handle.wait(10.0).outcome for handle in handles} == {pb.OUTCOME_STOPPED}
     assert state(robot).state == pb.STATE_HOLDING
+    daemon.assert_limits_kept()
+
+
+def test_nothing_is_queued_behind_a_motion_that_ends_early(daemon, robot):
+    first = turn(robot, 0.3)
+    second = robot.move([key(0, 0, 1.3)], approach=True, queue=True)
+    second.cancel()
+    with pytest.raises(StateError, match="which this was to follow, ends early: stopped by"):
+        robot.move([key(0, 0, 0)], approach=True, queue=True)
+    assert first.wait(10.0).outcome == pb.OUTCOME_DONE
+    until(lambda: state(robot).state == pb.STATE_HOLDING, "rest")
     daemon.assert_limits_kept()
 
 

@@ -149,3 +149,12 @@ def test_an_address_is_that_of_one_command_alone(monkeypatch, tmp_path):
     socket = tmp_path / "none.sock"
     assert_refused(inside("status", "--address", "localhost:1", "--socket", socket), "localhost:1")
     assert_refused(inside("status", "--socket", socket), f"no daemon answers at {socket}")
+
+
+def test_a_motion_that_begins_inside_a_cone_is_printed_as_inside(tmp_path):
+    path = tmp_path / "motion.yaml"
+    path.write_text(
+        "keyframes: [{rotation_vector: [0, 0, 0]}, {rotation_vector: [0, 0, 1.5]}]\n"
+        "keep_out: [{name: lamp, half_angle_deg: 10, direction: [1, 0.1, 0]}]\n"
+    )
+    assert "keep-out lamp        4.29 deg inside at 0.000 s\n" in inside("plan", path).stdout

@@ -13,7 +13,7 @@ from fake_device import FakeServo, servo_of, tend
 
 from orientd import config
 from orientd.clock import ManualClock
-from orientd.daemon.device import AT_ONCE, MoveOptions
+from orientd.daemon.device import AT_ONCE, EventKind, MoveOptions
 from orientd.daemon.devices import KEPT_PLANS, Devices
 from orientd.errors import (
     DaemonError,
@@ -26,7 +26,7 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
-from orientd.planner import Keyframe, MotionRequest, State
+from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
 from orientd.stream.records import Command, ServoState
@@ -298,6 +298,30 @@ def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):
     assert (servo.asked[0], {*servo.asked[1:]}) == ("start", {"stop"})
 
 
+def test_a_motion_whose_caller_goes_away_while_it_is_planned_is_forgotten(
+    devices, arm, planners, monkeypatch
+):
+    token = devices.leases.acquire("ana").token
+
+    async def go_away():
+        planned = asyncio.Event()
+
+        async def wait():
+            planned.set()
+            await asyncio.sleep(60.0)
+
+        while_planned(monkeypatch, planners, wait)
+        moving = asyncio.ensure_future(moved(arm, token))
+        await planned.wait()
+        moving.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await moving
+
+    asyncio.run(go_away())
+    settle(arm)
+    assert arm.unfinished() == []
+
+
 def test_a_stop_counts_before_the_name_of_its_user_is_known(devices, arm, servo, names):
     token = devices.leases.acquire("ana").token
     names.may_answer.clear()
@@ -525,3 +549,65 @@ def test_a_look_at_a_device_in_a_fault_waits_for_no_command(arm, servo, monkeypa
     servo.be(ServoState.FAULT)  # the reason has not been heard yet
     monkeypatch.setattr(arm, "_lock", Held())
     assert arm.snapshot().state is ServoState.FAULT
+
+
+def test_a_second_reset_is_refused_while_the_first_one_hangs(arm, servo):
+    resetting, done = threading.Event(), threading.Event()
+
+    def ask(command, **more):
+        resetting.set()
+        done.wait(30.0)
+
+    servo.ask = ask
+    first = arm.workers.commands.submit(arm.reset)
+    resetting.wait(10.0)
+    second = arm.workers.stops.submit(arm.reset)
+    try:
+        with pytest.raises(StateError, match="device arm: another reset is under way"):
+            second.result(5.0)
+    finally:
+        done.set()
+    first.result(10.0)
+
+
+def test_shutdown_ends_a_motion_whose_end_nobody_has_seen(devices, arm):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
+    devices.shutdown()
+    assert run.ended.result(0) == (pb.OUTCOME_STOPPED, "the daemon is going down")
+
+
+def test_a_new_servo_gets_the_options_of_a_motion_again(devices, arm, servo, monkeypatch):
+    monkeypatch.setattr(LoopbackDriver, "tune", lambda *_: None, raising=False)
+    token, request = devices.leases.acquire("ana").token, replace(MOTION, device_options={"a": 1})
+    for is_new in (True, False, True):
+        servo.asked.clear()
+        run = start(arm, token, plan(devices, arm, request))
+        assert ("tune" in servo.asked) is is_new
+        servo.finish()
+        ended(arm, run)
+        if not is_new:
+            servo.is_alive, servo.wait_ready = False, lambda _: True
+            servo.start = partial(setattr, servo, "is_alive", True)
+            arm.reset()
+
+
+def test_the_options_of_a_motion_change_at_rest_only(devices, arm, servo, monkeypatch):
+    monkeypatch.setattr(LoopbackDriver, "tune", lambda *_: None, raising=False)
+    token = devices.leases.acquire("ana").token
+    first = begin(devices, arm, token)
+    other = replace(MOTION, device_options={"gain": 700}, approach=True)
+    with pytest.raises(StateError, match="device_options change at rest only: wait for the"):
+        move(arm, token, order_of(other))
+    assert "splice" not in servo.asked
+    assert not first.ended.done()
+
+
+def test_the_event_at_the_end_of_targets_says_the_fault(devices, arm, servo, monkeypatch):
+    events, token = [], devices.leases.acquire("ana").token
+    monkeypatch.setattr(arm, "_on_event", events.append)
+    with arm.expecting() as run:
+        arm.track(run, Limits.partial(), token=token)
+    servo.fall(Fault.LINK_LOST, "no answer on the line")
+    assert ended(arm, run) == (pb.OUTCOME_FAULT, "no answer on the line")
+    stopped = [one.text for one in events if one.kind is EventKind.MOTION_STOPPED]
+    assert stopped == ["no answer on the line"]

@@ -189,3 +189,13 @@ def test_a_device_that_is_led_is_compared_with_what_was_sent_a_lead_before(motio
     found = measure(motion, cycles, lead=behind * PERIOD)
     assert found.tracking_error < 1e-9
     assert found.path_error < 1e-12
+
+
+def test_feedback_is_compared_with_no_setpoint_from_before_the_device_was_enabled(motion):
+    cycles, behind = sent(motion), 20
+    cycles["feedback_time_ns"] = cycles["deadline_ns"]
+    cycles["measured_q"][behind:] = cycles["sent_q"][:-behind]
+    cycles["measured_q"][:behind] = cycles["sent_q"][0]
+    cycles["flags"][:2] = CycleFlag.FEEDBACK
+    cycles["sent_q"][:2] = (0.8, 0.6, 0.0, 0.0)
+    assert measure(motion, cycles, lead=behind * PERIOD).tracking_error < 1e-9

@@ -132,6 +132,16 @@ def test_a_fault_whose_words_have_not_arrived_is_named_by_its_code(servo, monkey
         servo.commanded()
 
 
+def test_a_fault_that_a_reset_has_cleared_is_none_afterwards(servo, gate):
+    await_cycles(servo)
+    gate.write_text("device_fault")
+    until(lambda: servo.newest().state is ServoState.FAULT, "the fault")
+    gate.unlink()
+    servo.ask(Command.RESET)
+    servo.read_notes()
+    assert (servo.fault, servo.fault_text) == (Fault.NONE, "")
+
+
 def test_the_end_of_a_daemon_does_not_wait_for_a_reset_that_hangs(settings, gate):
     device = Device(settings, planners=None, on_event=lambda _: None)
     device.launch()

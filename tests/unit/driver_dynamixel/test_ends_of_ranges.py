@@ -1,5 +1,7 @@
 """The ends of the axes' ranges: less than the device resolves is not outside."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -73,3 +75,18 @@ def test_a_servo_gets_no_goal_beyond_the_range_of_its_axis(rig):
         assert it.goals() == [2048, 2048]
     with pytest.raises(DeviceFaultError, match=r"allowed are 0\.00 to 90\.00 deg"):
         it.driver.write(Setpoint(it.next_ns, it.q, joints=(np.radians(-1.0), 0.0)))
+
+
+def test_a_coarse_servo_is_enabled_within_a_tick_of_the_end_of_its_range(rig):
+    axes = [{"id": 1, "limits_deg": [-90, 90], "gear": 0.1}, {"id": 2, "limits_deg": [-90, 90]}]
+    it = rig("ZY", axes=axes)
+    for ticks, is_within in ((103, True), (104, False)):
+        it.servo(1).shaft.position = 2048 + ticks
+        it.driver.open()
+        if is_within:
+            assert math.degrees(it.enable().joints[0]) == pytest.approx(90.5, abs=0.1)
+            it.driver.disable()
+            it.driver.free()
+        else:
+            with pytest.raises(DeviceFaultError, match=r"would be at 91\.4\d deg"):
+                it.driver.enable()

@@ -208,3 +208,27 @@ def test_what_kept_a_reset_from_recovering_stays_what_is_told(rig):
     with pytest.raises(LinkError) as told:
         it.driver.read()
     assert str(told.value) == str(refused.value)
+
+
+def test_damage_in_a_fast_answer_is_blamed_on_its_servo(rig):
+    it = rig(fast_read="on")
+    it.start()
+    it.run(5)
+    it.bus.faults.add(2, ReplyFault(FaultKind.CORRUPT))
+    with pytest.raises(FeedbackError, match=r"most often servo 2 \(pitch\)"):
+        it.run(50)
+
+
+def test_a_lost_answer_at_the_start_hides_no_servo(rig):
+    it = rig()
+    it.bus.faults.add(2, ReplyFault(FaultKind.DROP, remaining=1))
+    it.start()
+
+
+def test_a_current_above_that_of_the_servo_is_refused(rig):
+    it = rig("ZY", axes=[{"id": 1, "limits_deg": [-90, 90], "current_limit": 1.0}, {"id": 2}])
+    it.servo(1).write(38, (100).to_bytes(2, "little"), it.clock.now_ns())
+    with pytest.raises(
+        DeviceFaultError, match=r"servo 1 .* gives 0\.27 A at most, current_limit is 1 A"
+    ):
+        it.driver.open()

@@ -21,6 +21,7 @@
 10  an error status is taken for content
     test_10_error_without_content_is_not_content
     test_10b_short_answer_to_a_group_is_a_loss
+    test_10c_content_of_an_answer_with_an_error_is_no_reading
 11  a late reply answers the next read
     test_11_late_reply_never_answers_a_later_question
     test_11_late_reply_of_another_size_is_not_the_answer
@@ -244,6 +245,17 @@ def test_10b_short_answer_to_a_group_is_a_loss(gimbal, monkeypatch):
     before = gimbal.driver._group.lost
     gimbal.run(2)
     assert gimbal.driver._group.lost > before
+
+
+@pytest.mark.parametrize("fast", ["on", "off"])
+def test_10c_content_of_an_answer_with_an_error_is_no_reading(rig, monkeypatch, fast):
+    it = rig(fast_read=fast)
+    it.start()
+    it.run(5)
+    original = it.servo(2).read
+    monkeypatch.setattr(it.servo(2), "read", lambda *what: (7, original(*what)[1]))
+    with pytest.raises(FeedbackError, match=r"servo 2 \(pitch\): error 7 instead of a reading"):
+        it.run(50)
 
 
 @pytest.mark.parametrize("order", ["ZY", "ZYX"])

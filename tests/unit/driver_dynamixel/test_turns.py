@@ -167,6 +167,25 @@ def test_whoever_deletes_the_file_begins_anew(rig, tmp_path):
     assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(140, abs=1.0)
 
 
+@pytest.mark.parametrize("how", ["reset", "another process"])
+def test_turns_that_are_unknown_stay_so_until_the_axis_is_turned_back(rig, tmp_path, how):
+    it = turned_without_power(rig, tmp_path, 720, 400, 100)
+    for _ in range(2):
+        it.run(50, write=False)
+        if how == "reset":
+            it.driver.disable()
+            it.driver.reset()
+        else:
+            it.driver.close()
+            it = next_process(it, rig, tmp_path / "turns")
+        with pytest.raises(DeviceFaultError, match=r"400\.\d deg were seen last; turn it by hand"):
+            it.driver.enable()
+    it.servo(1).shaft.position -= 80 * 4096 / 360
+    it.driver.disable()
+    it.driver.reset()
+    assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(420, abs=1.0)
+
+
 def test_file_of_another_gimbal_is_not_believed(rig, tmp_path):
     it = started(rig, tmp_path / "turns")
     turn_to(it, 400)

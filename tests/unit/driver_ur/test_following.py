@@ -188,3 +188,18 @@ def test_an_arm_keeps_out_of_a_cone_inside_the_limits_of_its_joints(way):
     rig.check()
     assert min(cone.clearance(s.q, 0) for s in rig.setpoints) > 0.0
     assert cone.clearance(rig.setpoints[-1].q, 0) > 0.3
+
+
+@pytest.mark.parametrize(("way", "waits"), [(1.0, 0.0), (-1.0, 0.3)])
+def test_an_arm_that_its_reach_holds_back_keeps_out_of_a_cone(way, waits):
+    """Of a step that its joints cannot follow it takes a part, which must not lead inside."""
+    q = ArmRig("ur5e", HOME).q
+    at = turning(q, (0.0, 0.0, way), 0.5, 0.9)
+    cone = KeepOut("window", rotate(at(9.0), (1.0, 0.0, 0.0)), half_angle=0.3)
+    rig = ArmRig("ur5e", HOME, cones=(cone,))
+    far = tuple(3.0 * x for x in rig.position)
+    rig.follow(lambda t: at(max(0.0, t - waits)), seconds=waits + 3.0, position=lambda _: far)
+    assert rig.servo.state is ServoState.TRACKING
+    assert rig.hindrances
+    rig.check()
+    assert min(cone.clearance(s.q, 0) for s in rig.setpoints) > 0.0

@@ -8,7 +8,7 @@ import pytest
 
 from orientd.curves import C2Cumulative
 from orientd.curves.min_acceleration import MinAcceleration
-from orientd.errors import OrientdError, PlanError
+from orientd.errors import LimitError, OrientdError, PlanError
 from orientd.planner import (
     DEFAULT_LIMITS,
     Keyframe,
@@ -101,6 +101,29 @@ def test_numbers_out_of_all_proportion_are_refused_by_name(fields, approach):
 def test_intervals_too_short_for_any_clock_are_named():
     with pytest.raises(PlanError, match=r"\[2\] follows .*\[1\] after .* s, at least 1e-12 s"):
         planned(times=(-1.0, 0.0, 1e-13), approach=True)
+
+
+@pytest.mark.parametrize("start", [None, (0.5, 0.0, 0.0)])
+def test_a_curve_whose_acceleration_has_steps_comes_to_rest_at_them_and_says_so(start):
+    motion = planned(method="kks_hermite_spline", start_velocity=start, approach=True)
+    assert motion.certificate.notes[-1] == (
+        "comes to rest 1 times on its way, where kks_hermite_spline is only C1; c2_cumulative is "
+        "C2 and passes the same keyframes"
+    )
+    assert np.abs(motion.sample(motion.keyframe_times[1:2]).omega_body).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("last", "place"),
+    [
+        ((0.0, 0.0, 2.0), r"the limit is 4 rad/s\^2; in the lead-out"),
+        (None, r"; between keyframes\[\d\] and keyframes\[\d\], at \d\.\d+ s of their time"),
+    ],
+)
+def test_the_place_of_a_broken_limit_is_named(last, place):
+    slow = Limits.partial(acceleration=4.0)
+    with pytest.raises(LimitError, match=place):
+        planned(times=(0.0, 1.0, 2.0), approach=True, limits=slow, end_velocity=last)
 
 
 def test_a_curve_of_too_many_pieces_is_refused_before_they_are_made():

@@ -132,6 +132,26 @@ def test_a_motion_replaced_before_it_began_binds_no_change_of_speed_any_more():
     assert clock.brake_rate == before
 
 
+@pytest.mark.parametrize(("speed", "share"), [(0.3, 0.5), (0.0, 1.0)], ids=["slower", "a pause"])
+def test_a_motion_that_binds_a_change_of_speed_under_way_is_taken_after_it(speed, share):
+    rig = Rig(capacity=8192)
+    first = rig.start(PATH)
+    rig.run(300)
+    slow = replace(TERMS, brake_rate=share * TERMS.brake_rate)
+    rig.ask(Command.SPEED, speed=speed)
+    rig.run(3)
+    for expected in (Answer.NOT_YET, Answer.DONE):
+        leave = rig.cycle.path_index + 60
+        new = bridge(PATH, leave - first, PATH[0][0], 2.0)
+        (answer, text), _ = splice(rig, new, leave, servo_limits=slow)
+        assert answer is expected
+        assert text == ("the speed is changing" if answer is Answer.NOT_YET else "")
+        rig.run_until(lambda servo: servo.setpoints.time_scaling.is_steady)
+        rig.run(3)
+    rig.ask(Command.SPEED, speed=1.0)
+    ends_at(rig, PATH[0][0])
+
+
 @pytest.mark.parametrize("behind", [2, 3, 50])
 def test_a_record_that_is_passed_is_refused_and_nothing_changes(behind):
     rig = Rig()

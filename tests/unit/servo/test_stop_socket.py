@@ -4,6 +4,8 @@ import contextlib
 import json
 import os
 import socket
+import subprocess
+import sys
 
 import pytest
 from rig import Rig, peaks, turn
@@ -78,6 +80,28 @@ def test_a_group_of_the_sender_admits_it(path):
     ):
         (request,) = stop_socket.requests()
     assert (request.is_quickest, request.gid) == (True, gid)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="becomes another user, which root may")
+def test_any_group_of_the_sender_admits_it_and_only_while_it_is_listed(open_folder):
+    path, user, group = str(open_folder / "leg"), 54303, 54399
+    program = (
+        f"import os, socket\nos.setgroups([{group}])\nos.setgid({user})\nos.setuid({user})\n"
+        "one = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)\n"
+        f"one.bind('')\none.sendto(b'halt', {path!r})\nprint(flush=True)\n"
+        "print(one.recv(100).decode())"
+    )
+    for listed, answer in ((group, "took"), (group + 1, f"refused {user}")):
+        with (
+            listening(path, {"users": [], "groups": [listed]}) as stop_socket,
+            subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as process,
+        ):
+            process.stdout.readline()
+            requests = list(stop_socket.requests())
+            for request in requests:
+                stop_socket.answer(request.sender, "took")
+            assert process.stdout.readline().decode().strip() == answer
+        assert [(one.uid, one.gid) for one in requests] == [(user, group)] * (listed == group)
 
 
 @pytest.mark.parametrize("word", [b"", b"{}", b"go", b"\xff", b"stopped", b"x" * 20_000])

@@ -295,3 +295,90 @@ def test_a_handshake_that_is_not_done_is_given_up(tmp_path, monkeypatch, said):
         assert daemon.audit.refusals() == [f"handshake: not done within {SOON:g} s"]
 
     run(tmp_path, work, tcp=tcp)
+
+
+def test_refused_looks_are_in_the_audit_log_and_others_are_not(tmp_path):
+    async def work(daemon):
+        with daemon.channel() as channel:
+            await get(channel)
+            assert not daemon.audit.records
+            daemon.authorization.most_calls = 0
+            with pytest.raises(GRPCError, match="at most 0 calls at the same time"):
+                await get(channel)
+        (record,) = daemon.audit.records
+        assert (record["method"], record["outcome"]) == ("GetState", "RESOURCE_EXHAUSTED")
+
+    run(tmp_path, work)
+
+
+def test_an_idle_connection_gives_way_to_a_later_one_of_its_user_and_a_busy_one_stays(tmp_path):
+    async def work(daemon):
+        with daemon.channel() as busy, daemon.channel() as later:
+            method = UnaryStreamMethod(busy, WATCH, pb.WatchStateRequest, pb.WatchStateResponse)
+            async with method.open() as stream:
+                await stream.send_message(pb.WatchStateRequest(), end=True)
+                assert (await stream.recv_message()).lost == 0
+                reader, writer = await asyncio.open_unix_connection(daemon.path)
+                writer.write(SPOKEN)
+                assert await reader.read(100)
+                await get(later)
+                with contextlib.suppress(ConnectionError):
+                    while await asyncio.wait_for(reader.read(100), 5.0):
+                        pass
+                writer.close()
+                assert (await stream.recv_message()).lost == 1
+                await stream.cancel()
+        assert not daemon.audit.refusals()
+
+    run(tmp_path, work, access=AccessSettings(connections=2))
+
+
+def test_a_handshake_gives_way_once_too_many_are_under_way(tmp_path, monkeypatch):
+    monkeypatch.setattr(listener, "MOST_HANDSHAKES", 2)
+    tcp, connect = with_a_certificate(tmp_path)
+    access = AccessSettings(certificates={"pendant": "operator"})
+
+    async def work(daemon):
+        host, _, port = tcp.listen.rpartition(":")
+        silent = [await asyncio.open_connection(host, int(port)) for _ in range(3)]
+        assert await asyncio.wait_for(silent[0][0].read(), 2.0) == b""
+        assert not silent[1][0].at_eof()
+        with contextlib.closing(connect()) as channel:
+            assert await get(channel)
+        for _, writer in silent:
+            writer.close()
+
+    run(tmp_path, work, tcp=tcp, access=access)
+
+
+def test_no_session_of_tls_is_resumed_past_a_newer_revocation_list(tmp_path):
+    tcp, connect = with_a_certificate(tmp_path)
+    trust = connect.keywords["ssl"]
+    host, _, port = tcp.listen.rpartition(":")
+
+    def shake(session=None):
+        with (
+            socket.create_connection((host, int(port)), timeout=10.0) as plain,
+            trust.wrap_socket(plain, server_hostname=host, session=session) as secured,
+        ):
+            secured.sendall(SPOKEN)
+            assert secured.recv(100)  # with it a ticket would have come
+            return secured.session, secured.session_reused
+
+    async def work(daemon):
+        session, _ = await asyncio.to_thread(shake)
+        _, is_resumed = await asyncio.to_thread(shake, session)
+        assert not is_resumed
+
+    access = AccessSettings(certificates={"pendant": "operator"})
+    run(tmp_path, work, tcp=tcp, access=access)
+
+
+def test_a_message_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+    async def work(daemon):
+        with daemon.channel() as channel:
+            with pytest.raises(GRPCError, match=r"too large: 200\d\d\d bytes, at most 100000"):
+                await get(channel, "x" * 200_000)
+            assert await get(channel)
+
+    run(tmp_path, work, access=AccessSettings(message_bytes=100_000))
