@@ -98,11 +98,16 @@ def _keys(rng, *, has_duplicates):
 
 def _times(rng, keys, limits):
     """Return times that leave each interval between 1.1 and 20 times its quickest turn."""
-    quickest = np.array([_turn_time(turn, limits) for turn in _angles(keys[:-1], keys[1:])])
+    quickest = quickest_turns(keys, limits)
     factor = 10.0 ** rng.uniform(0.15, 1.3)
     spread = rng.uniform(0.8, 1.25, len(quickest))
     steps = quickest * np.maximum(factor * spread, 1.1)
     return np.concatenate([[0.0], np.cumsum(steps)]).tolist()
+
+
+def quickest_turns(keys, limits):
+    """Return an upper bound of the time of each turn from rest to rest, s, shape ``(n - 1,)``."""
+    return np.array([_turn_time(turn, limits) for turn in _angles(keys[:-1], keys[1:])])
 
 
 def _velocity(rng, limits):

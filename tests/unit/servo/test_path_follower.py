@@ -17,7 +17,7 @@ from orientd.servo.path.path_follower import (
 )
 from orientd.servo.path.segment import PathPoint
 from orientd.stream.memory import SharedMemory
-from orientd.stream.records import FINAL_WORD, JOINTS, NO_JOINTS, TAIL_WORD
+from orientd.stream.records import FINAL_WORD, JOINTS, NO_JOINTS
 
 SPEED = 0.5  # rad/s about z
 STEP = SPEED * PERIOD
