@@ -23,7 +23,7 @@ from harness import (
     request_of,
     until,
 )
-from ledger import Tally, rounds_of
+from tally import Tally, rounds_of
 
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.stub import control_stub

@@ -7,9 +7,9 @@ import time
 import grpc
 import pytest
 from harness import DEVICE, channel_to, until
-from ledger import Tally
 from scenes import under_way
 from stage import rehearse
+from tally import Tally
 
 from orientd.client.channel import MAX_MESSAGE_BYTES
 from orientd.protocol import control_pb2 as pb

@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
-from ledger import Tally
 from scenes import under_way
 from stage import rehearse
+from tally import Tally
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -6,7 +6,7 @@ import time
 import pytest
 from device_stage import DeviceStage
 from harness import until
-from ledger import Tally, rounds_of
+from tally import Tally, rounds_of
 
 from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb

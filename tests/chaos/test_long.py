@@ -9,9 +9,9 @@ import time
 import numpy as np
 import pytest
 from harness import ACCELERATION, DEVICE, JERK, VELOCITY, nudge, resident_kib
-from ledger import Tally, rounds_of
 from rig import PERIOD, TERMS, Rig, peaks, turn
 from stage import Stage
+from tally import Tally, rounds_of
 
 from orientd.protocol import control_pb2 as pb
 from orientd.stream.records import Answer, Command, ServoState

@@ -11,9 +11,9 @@ import grpc
 import pytest
 from command_line import begin, environment
 from harness import DEVICE, is_alive, request_of, until
-from ledger import Tally
 from scenes import under_way
 from stage import rehearse
+from tally import Tally
 
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.reader import load_recording

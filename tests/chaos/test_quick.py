@@ -8,9 +8,9 @@ import time
 import grpc
 import pytest
 from harness import DEVICE, is_alive, nudge, until
-from ledger import Tally
 from scenes import Retarget, Track
 from stage import Stage
+from tally import Tally
 from test_clients import fuzzed, garbage, slow
 from test_processes import kill_daemon, renew
 

@@ -14,9 +14,9 @@ import grpc
 import pytest
 from command_line import COMMAND, environment
 from harness import DaemonProcess, is_alive
-from ledger import Tally, rounds_of
 from scenes import under_way
 from stage import Stage, rehearse
+from tally import Tally, rounds_of
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -10,7 +10,7 @@ import time
 import pytest
 from device_stage import DeviceStage
 from harness import request_of, until
-from ledger import Tally, rounds_of
+from tally import Tally, rounds_of
 
 from emulated_ur import EmulatedRobot
 from orientd.errors import OrientdError

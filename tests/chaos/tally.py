@@ -1,6 +1,6 @@
 """Write the results of the chaos tests: a file for each fault, and the table in the docs.
 
-`make chaos` leaves its results in ``build/chaos``.  ``python tests/chaos/ledger.py`` gathers them
+`make chaos` leaves its results in ``build/chaos``.  ``python tests/chaos/tally.py`` gathers them
 into ``tests/chaos/results.json`` and writes the table between its markers.
 """
 
