@@ -124,6 +124,8 @@ def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, m
 
     braking = until(lambda: seen(lambda state: state is ServoState.STOPPING), "braking, in a fault")
     assert braking.cycle.state is ServoState.STOPPING
+    # It was told to; it did not wait for the heartbeat to be late.
+    assert braking.cycle.fault == Fault.NONE
     resting = until(lambda: seen(lambda state: state is not ServoState.STOPPING), "rest")
     assert resting.state is ServoState.FAULT
     assert "nothing to see" in resting.fault_text

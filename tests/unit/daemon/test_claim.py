@@ -28,6 +28,14 @@ def test_the_directory_is_for_its_owner_only(path):
         assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
 
 
+def test_a_directory_that_everybody_can_write_is_refused(path):
+    path.parent.mkdir()
+    path.parent.chmod(0o777)
+    with pytest.raises(DaemonError, match=r"^others can write .*: chmod o-w"), claimed(path):
+        pass
+    assert list(path.parent.iterdir()) == []
+
+
 def test_nothing_is_left_at_the_end(path):
     with claimed(path):
         left_behind(path)
