@@ -51,7 +51,7 @@ class Guard:
         """Expect setpoints *period* seconds apart, outside of *cones*."""
         self.period = period
         self._cones = cones
-        self._room = None if cones is None else Room(cones, period)
+        self._room = None if cones is None else Room(cones)
         self.axes: tuple[AxisLimits, ...] = ()
         self._most_joints: list[tuple[float, float, float]] = []
         self._servo_limits: ServoLimits | None = None

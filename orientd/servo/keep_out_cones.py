@@ -110,13 +110,11 @@ class Room:
 
     Args:
         cones: the cones.
-        period: cycle period, s.
     """
 
-    def __init__(self, cones: KeepOutCones, period: float) -> None:
+    def __init__(self, cones: KeepOutCones) -> None:
         self._cones = cones
-        self._drift = period * MOST_DRIFT
-        self._least = 0.0
+        self._least = self._turned = 0.0
 
     def forget(self) -> None:
         """Know nothing any more: the tool may be anywhere."""
@@ -124,10 +122,13 @@ class Room:
 
     def shrink(self, angle: float) -> None:
         """Account for a cycle in which the tool turned by at most *angle*, rad."""
-        self._least -= angle + self._drift
+        self._least -= angle
 
     def is_within(self, q: Quaternion, distance: float) -> bool:
         """Return whether a cone is nearer than *distance*, rad, at the current orientation *q*."""
+        turned = self._cones.turned
+        self._least -= turned - self._turned
+        self._turned = turned
         if self._least <= distance:
             self._least = min(self._cones.clearances(q))
         return self._least <= distance

@@ -45,7 +45,7 @@ class StopFilter:
     def __init__(self, cones: KeepOutCones, period: float) -> None:
         self._cones = cones
         self._period = period
-        self.room = Room(cones, period)
+        self.room = Room(cones)
         self.reserve = RESERVE
 
     def begin(self, limits: TrackingLimits, units: Vector3) -> None:

@@ -14,7 +14,7 @@ from orientd.floats import exp, rotate
 from orientd.keep_out import KeepOut
 from orientd.mechanism import Gimbal
 from orientd.servo.guard import Guard
-from orientd.servo.keep_out_cones import MOST_DRIFT, KeepOutCones
+from orientd.servo.keep_out_cones import MOST_DRIFT, KeepOutCones, Room
 from orientd.servo.settings import ProcessSettings
 from orientd.stream.records import NOT_GIVEN, Answer, Command, NoteKind, ServoState
 from orientd.sun import Sun
@@ -147,6 +147,30 @@ def test_the_sun_is_followed_by_the_wall_clock():
     for _ in range(500):
         cones.tick()
     assert cones.directions[0] == Sun(48.0, 11.0).direction(now_ns)
+
+
+def test_the_clearance_of_a_tool_at_rest_is_that_of_a_cone_that_moves():
+    now_ns = 1_780_000_000 * 10**9
+    cone, q = KeepOut("sun", Sun(48.0, 11.0), 0.1), (1.0, 0.0, 0.0, 0.0)
+    cones = KeepOutCones([cone], PERIOD, lambda: now_ns)
+    room, begun = Room(cones), cones.clearances(q)[0]
+    near = begun - 0.005
+    assert not room.is_within(q, near)
+    # The wall clock steps to where the sun is nearer, and its direction follows slowly.
+    hours = 3_600_000_000_000, -3_600_000_000_000
+    now_ns += min(hours, key=lambda hour: cone.clearance(q, now_ns + hour))
+    for _ in range(500):
+        cones.tick()
+        room.shrink(0.0)
+        (clearance,) = cones.clearances(q)
+        assert clearance == pytest.approx(pointing_away(cones.directions[0], q, cone), abs=1e-12)
+        assert room.is_within(q, near) == (clearance <= near)
+    assert clearance < near
+
+
+def pointing_away(direction, q, cone):
+    """Return the angle from the tool's axis to the edge of a cone in a given direction."""
+    return float(np.arccos(np.dot(rotate(q, cone.axis), direction))) - cone.half_angle
 
 
 def test_cones_reach_the_servo_process_as_they_are():
