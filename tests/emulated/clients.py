@@ -277,8 +277,8 @@ class Client:
         daemon = self.system.daemon
 
         async def look(_service):
-            cycle = daemon.devices.device("arm").snapshot().cycle
-            return (None, 0) if cycle is None else (cycle.state, cycle.motion)
+            shown = daemon.devices.device("arm").snapshot()
+            return (None, 0) if shown.cycle is None else (shown.state, shown.cycle.motion)
 
         return self.wait_for(look)
 
@@ -358,8 +358,11 @@ class Mender(Client):
 
         async def look(_service):
             held = {lease.token for lease in daemon.devices.leases.held()}
-            runs = daemon.devices.device("arm").unfinished()
-            return {run.number for run in runs if run.begun_ns and run.token not in held}
+            device = daemon.devices.device("arm")
+            lost = [run for run in device.unfinished() if run.begun_ns and run.token not in held]
+            # One that has been told to end may wait behind another, whose lease is held.
+            led_by = device.snapshot().motion_number
+            return {run.number for run in lost if run.number == led_by or not run.reason}
 
         return self.wait_for(look)
 

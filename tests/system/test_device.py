@@ -131,6 +131,22 @@ def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, m
     assert "nothing to see" in resting.fault_text
 
 
+def test_a_device_that_nobody_watches_begins_no_motion_until_it_is_reset(device, monkeypatch):
+    def broken():
+        raise OSError("nothing to see")
+
+    motion = plan(device, turn_from_here(device, 0.3))
+    with monkeypatch.context() as while_broken:
+        while_broken.setattr(device, "_tick", broken)
+        until(lambda: device.failure, "the failure")
+    with pytest.raises(DaemonError, match=r"nothing to see; reset it first$"):
+        run(device, motion)
+    device.reset()
+    run(device, plan(device, turn_from_here(device, 0.1)))
+    until_holding(device)
+    assert device.snapshot().fault is Fault.NONE
+
+
 def test_a_device_that_has_ended_says_why_and_does_not_begin_again(device):
     planning = functools.partial(plan, device, turn_from_here(device, 1.0))
     device.shutdown()

@@ -56,6 +56,7 @@ SLOW_ANSWER_TIMEOUT = 60.0
 
 _SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET, Command.FREE)
 _STOPPING = (Command.STOP, Command.HALT, Command.SHUTDOWN)
+_BEGINNING = (Command.ENABLE, Command.START, Command.SPLICE, Command.TRACK)
 _POLL, _SLOW_POLL, _LOOK = 0.0005, 0.005, 0.05
 _NO_LIMITS = ServoLimits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -322,9 +323,11 @@ class ServoProcess:
         Raises:
             NotYetError: not while the speed is changing.
             StateError: the servo's state does not allow it, it was refused, or the servo is busy.
-            DaemonError: the servo does not answer, or is not there.
+            DaemonError: the servo does not answer, is not there, or has been given up.
         """
         memory = self.running()
+        if self.failure and command in _BEGINNING:
+            raise DaemonError(f"device {self._settings.name}: {self.failure}; reset it first")
         values = (motion, path_index, leave_index, final_index, start_ns, speed)
         index = self._post(memory, command, *values, *servo_limits.floats())
         posted = time.monotonic()

@@ -180,7 +180,7 @@ def test_what_is_no_http2_is_hung_up_on(tmp_path, said, caplog):
     assert "Traceback" not in caplog.text
 
 
-PINGS = 40_000
+PINGS = 20_000
 SPOKEN = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0\4\0\0\0\0\0"
 PING = b"\0\0\x08\6\0\0\0\0\0whatever"
 
@@ -197,10 +197,9 @@ def test_what_one_client_floods_is_taken_in_pieces(tmp_path, monkeypatch):
     async def work(daemon):
         reader, writer = await asyncio.open_unix_connection(daemon.path)
         writer.write(SPOKEN + PINGS * PING)
-        answers = b""
         async with asyncio.timeout(10.0):
-            while answers.count(b"whatever") < PINGS:
-                answers += await reader.read(1 << 20)
+            for _ in range(PINGS):
+                await reader.readuntil(b"whatever")
         writer.close()
 
     run(tmp_path, work)
