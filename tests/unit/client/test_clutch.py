@@ -105,8 +105,9 @@ def test_letting_go_and_engaging_elsewhere_moves_nothing():
     assert apart(targets.aimed[-1][0], rest[0]) < 1e-12
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def clock(monkeypatch):
+    """Stand still, or a stall of this process would be a gap between two poses of the hand."""
     clock = SimpleNamespace(now=100.0, monotonic=lambda: clock.now)
     monkeypatch.setattr("orientd.client.clutch.time", clock)
     return clock
