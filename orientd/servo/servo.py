@@ -66,6 +66,7 @@ _STREAMING, _HOLDING = ServoState.STREAMING, ServoState.HOLDING
 _FEEDBACK, _WRITTEN, _FROM_REST, _ARRIVING = map(int, CycleFlag)
 
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
+_LETTING_GO = (Command.DISABLE, Command.FREE)
 
 MOST_COUNTED = 2**32 - 1
 """Largest count of overruns or missed deadlines that a cycle record has space for."""
@@ -322,6 +323,8 @@ class Servo:
                 self._taken = oldest
                 self.setpoints.stop()
             return
+        if fields[1] in _LETTING_GO and self.setpoints.is_coming_to_rest:
+            return  # until the next cycle, in which the device stands
         self._taken += 1
         index, code, motion, path_index, leave, final, start_ns, speed, *servo_limits = fields
         if index < ring.words[GIVEN_UP_WORD] and code not in _NEVER_TOO_LATE:

@@ -114,6 +114,13 @@ class SetpointGenerator:
         """Whether setpoints change."""
         return self.state in _MOVING
 
+    @property
+    def is_coming_to_rest(self) -> bool:
+        """Whether the last setpoint ended a motion, and still differs from the one before."""
+        guard = self._guard
+        has_stood = guard.omega == guard.velocity == ZERO and not any(guard.joint_rates)
+        return self.state is ServoState.HOLDING and not has_stood
+
     def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
         """Return the setpoint of the cycle with deadline *deadline_ns* that runs at *now_ns*."""
         if self.cones is not None:

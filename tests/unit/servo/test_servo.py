@@ -33,6 +33,21 @@ def test_a_motion_as_planned_sends_exactly_its_records(rig):
     assert rig.cycle.q == tuple(path[0][-1])
 
 
+def test_a_device_is_let_go_once_two_setpoints_are_the_same(rig, monkeypatch):
+    rig.start(turn(duration=0.2, angle=0.02))
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
+    last = rig.sent()[-2:]
+    assert np.any(last[0] != last[1])
+    let_go = []
+    monkeypatch.setattr(rig.servo._driver, "disable", lambda: let_go.append(rig.sent()[-2:]))
+    rig.ask(Command.DISABLE)
+    assert not let_go
+    rig.run()
+    assert rig.notes(NoteKind.ANSWER)[-1].code == Answer.DONE
+    (last,) = let_go
+    np.testing.assert_array_equal(last[0], last[1])
+
+
 def test_setpoints_carry_the_planned_velocity_and_acceleration(rig):
     path = turn()
     first = rig.start(path)
