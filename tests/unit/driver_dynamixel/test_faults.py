@@ -223,6 +223,7 @@ def test_a_lost_answer_at_the_start_hides_no_servo(rig):
     it = rig()
     it.bus.faults.add(2, ReplyFault(FaultKind.DROP, remaining=1))
     it.start()
+    assert [it.value(k, "torque enable") for k in (1, 2, 3)] == [1, 1, 1]
 
 
 def test_a_current_above_that_of_the_servo_is_refused(rig):
