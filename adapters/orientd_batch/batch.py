@@ -97,6 +97,8 @@ def plan_file(
         "records": has_records,
     }
     label, table = folder / "batch.json", folder / "plans.parquet"
+    if folder.exists() and not folder.is_dir():
+        raise OrientdError(f"expected a folder for the plans, {folder} is a file")
     folder.mkdir(parents=True, exist_ok=True)
     if not label.exists():
         write_structured(label, asked)

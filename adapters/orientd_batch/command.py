@@ -25,14 +25,12 @@ def batch(
         bool, Option("--records", help="Also write every setpoint, to the folder `records`.")
     ] = False,
     backend: Annotated[
-        str,
-        Option(help="Where to plan: `loky` on this machine; `ray` or `dask` on a cluster."),
+        str, Option(help="Where to plan: `loky` on this machine; `ray` or `dask` on a cluster.")
     ] = "loky",
     address: Annotated[
         str | None,
         Option(
-            metavar="ADDRESS",
-            help="Address of the cluster; default: a new one on this machine.",
+            metavar="ADDRESS", help="Address of the cluster; default: a new one on this machine."
         ),
     ] = None,
     jobs: Annotated[

@@ -138,6 +138,11 @@ def test_a_file_that_is_none_of_requests_is_refused(tmp_path, name, content, say
         planned(tmp_path / name, tmp_path / "plans")
 
 
+def test_a_file_in_place_of_the_folder_is_refused(file):
+    with pytest.raises(OrientdError, match=r"^expected a folder for the plans, .* is a file$"):
+        planned(file, file)
+
+
 def test_many_motions_come_in_order_with_refusals_in_their_places():
     requests = [motion_file.parse(motion(angle)) for angle in (0.5, 1.0, 0.2)]
     fast = motion(2.0)
