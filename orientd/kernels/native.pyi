@@ -139,11 +139,9 @@ def time_quickest(
     moves: Floats,
     limits: Floats,
     move_limits: Floats,
-    room: float,
     period: float,
     total: float,
     known: Floats,
-    excess: float,
     slower: float,
     /,
 ) -> tuple[bytes, bytes] | bool: ...

@@ -563,11 +563,11 @@ def _motion(
         return certify(path)
     core, passed = replace(path, trajectory=path.trajectory.restricted(0.0, end)), path.times[0]
 
-    def make(within: Limits, share: float) -> QuickPath:
+    def make(within: Limits) -> QuickPath:
         if timing is _Timing.WHOLE:
             within = replace(within, velocity=min(within.velocity, fastest))
-            return quickest(core, within, period, share=share)
-        quick = quickest(core.since(passed), within, period, share=share)
+            return quickest(core, within, period)
+        quick = quickest(core.since(passed), within, period)
         lead = path.trajectory.restricted(0.0, passed)
         return replace(
             quick,

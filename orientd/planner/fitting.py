@@ -169,7 +169,14 @@ class Fitting:
     def followed(self, motion: Motion) -> Motion:
         """Return *motion* with the axes on its path, or raise :class:`.PlanError`."""
         try:
-            return self.fitted(motion)
+            found = self.fitted(motion)
+            if found.duration > _LONG * motion.duration and motion.request.times is None:
+                # Slews may take longer than a pace that suits the axes.
+                with suppress(PlanError):
+                    paced = self._paced(motion)
+                    if paced is not None and paced.duration < found.duration:
+                        return paced
+            return found
         except LimitError as error:
             if error.kind is LimitKind.RANGE or self._keeps_times(motion):
                 raise

@@ -18,21 +18,19 @@ from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.model.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
-from orientd.planner.certify.brake import LONGEST_STOP, longest_stop_from, share_to_stop
 from orientd.planner.connect.leads import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.errors import JoinError, LeadOutError, TotalError
 from orientd.planner.job import PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
-from orientd.planner.path import PositionPath, end_states
+from orientd.planner.path import PositionPath
 from orientd.planner.remarks import excess, remarked
 from orientd.planner.resolve import resolved
 from orientd.planner.state import State
-from orientd.planner.timing.axis_turn import LEAST_SHARE, SHARE
 from orientd.planner.timing.even import evenly_made, evenly_paced
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.planner.timing.knots import Knots
-from orientd.planner.timing.profiles import QuickPath, corners, lasting, quickest
+from orientd.planner.timing.knots import SAME, Knots
+from orientd.planner.timing.profiles import corners, lasting, quickest
 from orientd.rotation import Floats, angle
 
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
@@ -41,17 +39,9 @@ _FAR_LONGER = 4.0
 """Multiple of the stop time: the usual duration of a curve that is hardly faster than stops."""
 
 _QUANTITIES = {unit: name for name, unit in UNITS.items()}
-_WHOLE = 1.0 + 1e-6  # of a limit
-_MOST_OVER = 1.1  # largest excess of a limit for which to slow a timing down
-_SLOWER = 0.999  # change of the speed, of the first timing or from one to the next
-_TO_JOIN, _TO_LEAVE = 0.8, 0.99  # changes of an even pace until it has room for a lead
-_FREE = 0.99  # share of the limits up to which the motion at an end can be slower
-_MOST_TIMINGS = 12  # timings until the records keep the limits, and until stops are short
-_LONG = 1.5  # times the longest stop: the curve will need a larger reserve
-_USUAL = 0.8  # share of the reserve for a stop from the velocity limit
-_COSTLY = 1.02  # largest growth of the duration for a faster stop
-_NO_LONGER = 0.98  # ratio of stop times above which twice the reserve has not helped
-_LEAST_MORE, _GREATEST_MORE = 1.2, 16.0  # factor of the reserve for the next timing
+_BELOW = 0.9998  # share of a limit that the next timing uses
+_TO_JOIN, _TO_LEAVE = 0.8, 0.95  # changes of an even pace until it has room for a lead
+_MOST_TIMINGS = 3  # of one path, until its records keep the limits
 
 
 def plan(
@@ -183,8 +173,14 @@ def _quickest(job: PlanJob, name: str) -> Motion:
     elif any(job.ends.moves) and resting.can_rest(job):
         _with_moving_ends(job, name, tried)
     else:
-        _along_curve(job, name, tried)
-        _with_stops(job, name, tried)
+        # The curve through two keyframes is a turn, which has a closed form.
+        is_turn = len(request.keyframes) == 2 and float(angle(*request.keys)) > SAME
+        if is_turn:
+            _with_stops(job, name, tried)
+        if tried.best is None:
+            _along_curve(job, name, tried)
+            if not is_turn:
+                _with_stops(job, name, tried)
     if not request.is_single and (any(job.ends.moves) or tried.best is None):
         _with_rests(job, name, tried)
     if tried.best is None and job.ends.alpha_start is not None and job.ends.alpha_start.any():
@@ -231,9 +227,8 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
     if angle(here, target.q) <= SAME_PLACE:
         return job.motion(target, name)
 
-    def make(limits: Limits, share: float) -> KeyframePath:
-        shares = {"share": share, "jerk_share": share}
-        turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
+    def make(limits: Limits) -> KeyframePath:
+        turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False)
         if turn is None:
             raise ValueError("a turn needs another orientation")
         # The turn need not take a whole number of periods: nothing follows it.
@@ -312,11 +307,11 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
     least = resting.least_with_stops(request.keys, job.limits)
     if resting.can_rest(job) and not any(job.ends.moves):
 
-        def make(limits: Limits, share: float) -> KeyframePath:
-            return resting.with_stops(job, limits, share)
+        def make(limits: Limits) -> KeyframePath:
+            return resting.with_stops(job, limits)
 
         def stopping() -> Motion | None:
-            if least >= took or make(job.limits, SHARE).duration >= took:
+            if least >= took or make(job.limits).duration >= took:
                 return None
             certify, has_lead_in = partial(job.motion, name=name), request.approach
             motion = timed(make, certify, job.limits, has_lead_in=has_lead_in)
@@ -464,14 +459,14 @@ def _at_even_pace(job: PlanJob, name: str, *notes: str, longest: float = LONGEST
         return job.motion(_usual_curve(job, knots, guess, longest), name, *notes)
     path, intervals = curve(guess), len(knots.kept) - 1
 
-    def make(limits: Limits, _: float) -> KeyframePath:
+    def make(limits: Limits) -> KeyframePath:
         found = evenly_paced(path, limits, job.period, intervals=intervals, longest=longest)
         if found is None:
             raise refusal.of_any_duration(job.start, job.limits)
         return found
 
     certify, has_lead_in = partial(job.motion, name=name), job.request.approach
-    motion = timed(make, certify, job.limits, is_even=True, has_lead_in=has_lead_in)
+    motion = timed(make, certify, job.limits, has_lead_in=has_lead_in)
     return motion.noted(*notes)
 
 
@@ -505,133 +500,51 @@ def _timed(
     """
     total, period = job.request.total, job.period
 
-    def make(limits: Limits, share: float) -> KeyframePath:
+    def make(limits: Limits) -> KeyframePath:
         nonlocal known
-        quick = quickest(path, limits, period, share=share, known=known, has_rests=has_rests)
+        quick = quickest(path, limits, period, known=known, has_rests=has_rests)
         known = None if quick.profile is None else quick.profile.rows
         if total is None:
             return quick
-        return lasting(path, quick, limits, period, total, share=share)
+        return lasting(path, quick, limits, period, total)
 
-    share, seconds = SHARE, job.limits.velocity / job.limits.acceleration
-    longest = longest_stop_from(job.limits.velocity, job.limits)
-    if path.duration > _LONG * longest and math.isfinite(seconds):
-        # An estimate of the final share.
-        share = min(1.0 - _USUAL * (1.0 - share_to_stop(seconds, longest)), SHARE)
     certify, has_lead_in = partial(job.motion, name=name), job.request.approach
-    # If an end moves, the motion cannot slow down as a whole to correct a small excess.
-    is_lower = not has_rests and _ends_within(path, job.limits, _FREE)
-    limits = job.limits.slowed(_SLOWER) if is_lower else job.limits
-    return timed(make, certify, limits, share=share, has_lead_in=has_lead_in)
-
-
-def _ends_within(path: KeyframePath, limits: Limits, share: float) -> bool:
-    """Return whether velocity and acceleration at both ends are within a share of their limits."""
-    for time, state in zip((0.0, path.duration), end_states(path.trajectory), strict=True):
-        _, velocity, acceleration = path.positions.state(time)
-        for name, vector in (
-            ("velocity", state.omega_body),
-            ("acceleration", state.alpha_body),
-            ("linear_velocity", velocity),
-            ("linear_acceleration", acceleration),
-        ):
-            if math.hypot(*vector.tolist()) > share * getattr(limits, name):
-                return False
-            if name in ANGULAR and (np.abs(vector) > share * np.array(limits.axes(name))).any():
-                return False
-    return True
+    return timed(make, certify, job.limits, has_lead_in=has_lead_in)
 
 
 def timed(
-    make: Callable[[Limits, float], KeyframePath],
+    make: Callable[[Limits], KeyframePath],
     certify: Callable[[KeyframePath], Motion],
     limits: Limits,
     *,
-    share: float = SHARE,
-    is_even: bool = False,
     has_lead_in: bool = False,
 ) -> Motion:
     """Return the motion along a path, timed until its records keep the limits.
 
-    The records and the path between them slightly exceed the timing's own values where the jerk has
-    a step, and a stop may take too long.  The next timing then uses less of the limits.
+    A timing leaves a share of the limits to the law between the records.  If that is not enough
+    somewhere, the next timing keeps a limit that is lower by the excess.
 
     Args:
-        make: times the path for given limits and a share of acceleration and jerk.
+        make: times the path for given limits.
         certify: makes the whole motion and checks its limits.
-        share: initial share of acceleration and jerk.
-        is_even: whether the pace is even.  An even pace has a reserve to stop with, and comes from
-            a few records only, so its excess is not small.
         has_lead_in: whether the lead-in is not a part of the path.
 
     Raises:
         LimitError: it breaks a limit with any of these timings.
-        PlanError: there is no timing, or a stop takes too long.
+        PlanError: there is no timing, or no lead with any of them.
     """
-    used, stop_time = share, math.inf
-    motion: Motion | None = None
-    refused: PlanError | None = None
-    for _ in range(_MOST_TIMINGS):
+    for count in range(1, _MOST_TIMINGS + 1):
         try:
-            path = make(limits, share)
-        except PlanError:
-            if motion is None:
-                raise
-            return motion
-        try:
-            found = certify(path)
+            return certify(make(limits))
         except LimitError as error:
             over = error.value / error.limit
-            is_in_lead_in = error.is_in_lead_in and has_lead_in
-            most = math.inf if is_even else _MOST_OVER
-            if is_in_lead_in or not 1.0 < over <= most or error.unit not in _QUANTITIES:
+            is_elsewhere = (error.is_in_lead_in and has_lead_in) or error.unit not in _QUANTITIES
+            if is_elsewhere or not 1.0 < over < math.inf or count == _MOST_TIMINGS:
                 raise
-            limits, refused = _lowered(limits, error.unit, over, path), error
-            continue
+            limits = limits.times(**{_QUANTITIES[error.unit]: _BELOW / over})
         except (LeadOutError, JoinError) as error:
             # An even pace may use the full limits, without a reserve for a lead.
-            if not is_even:
+            if count == _MOST_TIMINGS:
                 raise
-            slower = _TO_JOIN if isinstance(error, JoinError) else _TO_LEAVE
-            limits, refused = limits.slowed(slower), error
-            continue
-        before, last, motion = motion, stop_time, found
-        fastest = motion.certificate.peak_velocity
-        is_on_curve = _is_curve(path) and motion.start_time <= fastest.time <= motion.end_time
-        if is_on_curve and fastest.ratio > _WHOLE:
-            limits = _lowered(limits, UNITS["velocity"], fastest.ratio, path)
-            continue
-        rate = motion.certificate.brake_rate
-        stop_time, longest = (
-            1.0 / rate if rate else math.inf,
-            longest_stop_from(motion.certificate.peak_velocity.value, motion.limits),
-        )
-        if is_even or stop_time <= longest or motion.duration <= longest:
-            return motion
-        # The speed of a stop grows at most with the square root of the reserve.
-        power = 0.5
-        if before is not None:
-            is_costly = last <= LONGEST_STOP and motion.duration > _COSTLY * before.duration
-            if is_costly or stop_time > _NO_LONGER * last:
-                return before
-            if share != used:
-                power = math.log(last / stop_time) / math.log((1.0 - share) / (1.0 - used))
-                power = min(max(power, 0.3), 0.5)
-        if share <= LEAST_SHARE:
-            raise refusal.of_slow_stop(stop_time, longest, share)
-        more = 1.05 * (stop_time / longest) ** (1.0 / power)
-        more = min(max(more, _LEAST_MORE), _GREATEST_MORE)
-        used, share = share, max(1.0 - more * (1.0 - share), LEAST_SHARE)
-    if motion is None:
-        raise refused or PlanError("no timing keeps the limits")
-    return motion
-
-
-def _lowered(limits: Limits, unit: str, over: float, path: KeyframePath) -> Limits:
-    """Return the limits for the next timing of a path whose records exceed a limit by a factor."""
-    # About one axis the excess falls with the limit, along a curve about half as much.
-    return limits.times(**{_QUANTITIES[unit]: 1.0 / (over**2 if _is_curve(path) else over)})
-
-
-def _is_curve(path: KeyframePath) -> bool:
-    return isinstance(path, QuickPath) and path.profile is not None
+            limits = limits.slowed(_TO_JOIN if isinstance(error, JoinError) else _TO_LEAVE)
+    raise PlanError("no timing keeps the limits")

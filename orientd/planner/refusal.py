@@ -220,21 +220,6 @@ def of_duration(total: float, refused: Mapping[str, PlanError]) -> PlanError:
     return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer else problem)
 
 
-def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
-    """Return the refusal of a fastest motion with too long a stop.
-
-    Args:
-        stop_time: duration of a stop on its path, s.
-        longest: allowed duration of a stop, s.
-        share: of acceleration and jerk that the motion uses.
-    """
-    return PlanError(
-        f"the quickest pace needs limits that permit a stop on the path within {longest:g} s, it "
-        f"takes {stop_time:.4g} s on the quickest motion with {100.0 * share:.3g} % of acceleration"
-        " and jerk; allow more of both, or take the even pace"
-    )
-
-
 def check_limits(peaks: Peaks, place: Place) -> None:
     """Raise :class:`.LimitError` for a motion that breaks a limit; it names the one broken most."""
     broken: list[tuple[float, str, str, Peak]] = []

@@ -29,7 +29,6 @@ from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
 from orientd.planner.remarks import SWING, excess
 from orientd.planner.state import State
-from orientd.planner.timing.axis_turn import SHARE
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME
 from orientd.rotation import Floats, angle, log
@@ -96,14 +95,14 @@ def least_with_stops(keys: Floats, limits: Limits) -> float:
     return float(np.sum(turns / peaks + rises))
 
 
-def with_stops(job: PlanJob, limits: Limits, share: float = SHARE) -> KeyframePath:
+def with_stops(job: PlanJob, limits: Limits) -> KeyframePath:
     """Return the turns from keyframe to keyframe, from rest to rest.
 
     Raises:
         PlanError: one of them takes longer than the longest allowed motion.
     """
-    pairs = pairwise(job.request.keys)
-    turns = [approach(*pair, limits, share=share, jerk_share=share) for pair in pairs]
+    keys = job.request.keys
+    turns = [approach(*pair, limits, is_part=len(keys) > 2) for pair in pairwise(keys)]
     durations = [0.0 if turn is None else turn.duration for turn in turns]
     times = np.concatenate([[0.0], np.cumsum(durations)])
     return _laid(job, [[turn] for turn in turns if turn is not None], times)

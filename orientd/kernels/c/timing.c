@@ -23,10 +23,7 @@ enum {
     MOST_ELEMENTS = 400000, /* more of them are not cut into narrower ones */
     MOST_CUTS = 4,          /* pieces of an element in one round */
     LEAVING_CUTS = 3,       /* of the element that leaves rest */
-    FEW = 300,              /* elements, of which another solve costs little */
-    MANY = 2000,            /* elements, of which it costs too much */
     SECANTS = 12,
-    REACH = 64,             /* elements around a step of the jerk, at most */
 };
 
 static const double gaps[] = {0.03, 0.003, 5e-4, 3e-4}; /* share of the duration the barrier costs */
@@ -41,12 +38,9 @@ enum { GAPS = sizeof gaps / sizeof *gaps };
 #define CHANGE 0.5          /* of the squared rate in an element */
 #define MISSED 1.01         /* share of a limit between the places that were looked at */
 #define GIVEN 1.0002        /* share of a limit that is used where an end is at it */
-#define WORTH_LITTLE 1.0003 /* share of a limit that is worth another solve of few elements */
-#define WORTH_MUCH 1.003    /* and of more */
+#define OVER 1.0005         /* share of a limit that is worth another round */
 #define EASE 3.0            /* one over the share of the mesh near an end that moves */
 #define NEARLY 0.994        /* of a total: the rest slows the path down inside */
-#define BELOW 1.0003        /* margin where the jerk has a step */
-#define DRAWN_BY 3.0        /* cycles on either side of a step that it is seen in */
 #define ROUNDING 1e-13
 #define WHOLE 1e-9          /* of a period */
 
@@ -217,16 +211,14 @@ static double away_from(const bool moves[2], double share) {
     return far;
 }
 
-/* Aim lower where limits are exceeded, and by a factor everywhere. */
-static void aim_lower(const mesh_t *mesh, double excess) {
-    double power = 1.0;
+/* Aim lower where limits are exceeded. */
+static void aim_lower(const mesh_t *mesh) {
     for (int order = 0; order < 3; order++) {
         double *aims = row(mesh, AIMS + order), *shares = row(mesh, SHARES + order);
-        power *= excess;
         for (index_t e = 0; e < mesh->n; e++)
             /* But not where what is given at an end is at a limit. */
             if (!(aims[e] < 1.0 && shares[e] < GIVEN))
-                aims[e] *= fmax(shares[e], 1.0) * power;
+                aims[e] *= fmax(shares[e], 1.0);
     }
 }
 
@@ -339,44 +331,6 @@ static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_
     return is_cut;
 }
 
-/* Aim lower around steps of the jerk.
- *
- * Between two records a servo interpolates a cubic with the motion's positions and velocities at both.
- * If the jerk has a step there, the cubic's jerk is larger by up to a 192nd of the step.  The margin
- * above the used share of the limits is smaller than that. */
-static void aim_lower_at_steps(const part_t *part, const mesh_t *mesh, const profile_path_t *path) {
-    index_t n = mesh->n;
-    const double *y = row(mesh, VALUES), *d = row(mesh, SLOPES), *t = row(mesh, TIMES);
-    const double *limits = row_of(part->asked->limits, 2);
-    double reach = DRAWN_BY * part->asked->period, *aims = row(mesh, AIMS + 2);
-    for (index_t e = 0; e < n; e++) {
-        double step[3];
-        for (int k = 0; k < 3; k++) {
-            /* Omit the terms that both sides of a node have in common. */
-            const double *first = path->first.v + 6 * e + 6 + k, *at = path->second.v + 6 * e + k;
-            double width = path->widths.v[e];
-            step[k] = (at[0] - 4.0 * at[3] + 3.0 * at[6]) / width * y[e + 1]
-                    + *first * 0.5 * (d[e + 1] - d[e]) / width;
-            if (e + 1 < n) {
-                width = path->widths.v[e + 1];
-                step[k] -= (4.0 * at[9] - 3.0 * at[6] - at[12]) / width * y[e + 1]
-                         + *first * 0.5 * (d[e + 2] - d[e + 1]) / width;
-            }
-            step[k] *= sqrt(fmax(y[e + 1], 0.0));
-        }
-        double over = (1.0 + share_of(step, limits) / 192.0) * BELOW * part->asked->room;
-        if (!(over > 1.0))
-            continue;
-        for (index_t k = e; k >= most(e - REACH, 0); k--) {
-            aims[k] = fmax(aims[k], over);
-            if (t[k] <= t[e + 1] - reach)
-                break;
-        }
-        for (index_t k = e + 1; k < least(n, e + REACH) && t[k] < t[e + 1] + reach; k++)
-            aims[k] = fmax(aims[k], over);
-    }
-}
-
 /* Write coefficients to begin with, about as quick as the path where that moves. */
 static void put_guess(const part_t *part, const mesh_t *mesh, const profile_path_t *path) {
     index_t n = mesh->n;
@@ -445,7 +399,7 @@ static int repair(const part_t *part, mesh_t *mesh) {
         double *c = row(mesh, COEFFICIENTS), before = INFINITY;
         for (index_t e = 0; e < mesh->n; e++)
             pieces[e] = dips(mesh, e) ? MOST_CUTS : 1;
-        aim_lower(mesh, 1.0);
+        aim_lower(mesh);
         for (index_t i = 0; i < mesh->n + 2; i++) {
             double here = c[i], after = i < mesh->n + 1 ? c[i + 1] : INFINITY;
             if (here <= 0.0)
@@ -470,7 +424,7 @@ static bool has_dips(const mesh_t *mesh) {
 }
 
 /* Narrow a mesh where its profile changes quickly; return whether it is another one. */
-static int refine(const part_t *part, mesh_t *mesh, bool are_steps, mesh_t *finer) {
+static int refine(const part_t *part, mesh_t *mesh, mesh_t *finer) {
     profile_path_t path;
     double *memory;
     int is_finer = put_derivatives(part, mesh, &path, &memory);
@@ -480,9 +434,7 @@ static int refine(const part_t *part, mesh_t *mesh, bool are_steps, mesh_t *fine
         is_finer = OUT_OF_MEMORY;
     else {
         is_finer = n < MOST_ELEMENTS && put_cuts(part, mesh, &path, wanted, pieces);
-        if (are_steps)
-            aim_lower_at_steps(part, mesh, &path);
-        aim_lower(mesh, 1.0);
+        aim_lower(mesh);
         if (!is_finer)
             for (index_t e = 0; e < n; e++)
                 pieces[e] = 1;
@@ -495,6 +447,15 @@ static int refine(const part_t *part, mesh_t *mesh, bool are_steps, mesh_t *fine
     return is_finer;
 }
 
+/* Whether the profile that was found exceeds a limit by so much that it slows all of the path down. */
+static bool exceeds(const mesh_t *mesh) {
+    for (int order = 0; order < 3; order++)
+        for (index_t e = 0; e < mesh->n; e++)
+            if (row(mesh, SHARES + order)[e] > OVER)
+                return true;
+    return false;
+}
+
 /* Find the quickest profile on ever narrower meshes. */
 static int search(const part_t *part, mesh_t *mesh, bool is_known) {
     index_t count = 0, budget = BUDGET + BUDGET_OF_INTERVAL * (part->knots.n - 1);
@@ -503,16 +464,17 @@ static int search(const part_t *part, mesh_t *mesh, bool is_known) {
     for (int round = 0; found == PROFILE_FOUND; round++) {
         double gap = gaps[round < GAPS ? round : GAPS - 1], next = gaps[round + 1 < GAPS ? round + 1 : GAPS - 1];
         mesh_t finer = {{NULL, 0, 0}, 0};
+        bool is_over = exceeds(mesh);
         count += mesh->n;
-        if (round + 1 == MOST_ROUNDS || (round + 1 >= FEWEST_ROUNDS && count >= budget))
+        if (round + 1 == MOST_ROUNDS || (round + 1 >= FEWEST_ROUNDS && count >= budget && !is_over))
             break;
-        int is_finer = refine(part, mesh, round > 0, &finer);
+        int is_finer = refine(part, mesh, &finer);
         if (is_finer == OUT_OF_MEMORY) {
             free(finer.rows.v);
             return OUT_OF_MEMORY;
         }
         int better = PROFILE_NOT_FOUND;
-        if (is_finer || gap > LAST_GAP)
+        if (is_finer || is_over || gap > LAST_GAP)
             better = solve(part, &finer, true, AGAIN * next, next);
         if (better != PROFILE_FOUND) {
             free(finer.rows.v);
@@ -521,28 +483,6 @@ static int search(const part_t *part, mesh_t *mesh, bool is_known) {
         take_mesh(mesh, finer);
     }
     return found;
-}
-
-/* Another solve where a limit is exceeded between the places that count. */
-static int polish(const part_t *part, mesh_t *mesh) {
-    double beyond = 0.0;
-    mesh_t other;
-    for (index_t e = 0; e < mesh->n; e++)
-        for (int order = 0; order < 3; order++)
-            beyond = fmax(beyond, row(mesh, SHARES + order)[e]);
-    index_t size = mesh->n + 2;
-    if (is_one_of_many(part) || size >= MANY || !(beyond > (size < FEW ? WORTH_LITTLE : WORTH_MUCH)))
-        return PROFILE_FOUND;
-    if (!new_mesh(&other, mesh->n))
-        return OUT_OF_MEMORY;
-    memcpy(other.rows.v, mesh->rows.v, (size_t)(PROFILE_ROWS * size) * sizeof(double));
-    aim_lower(&other, 1.0);
-    int found = solve(part, &other, true, AGAIN * LAST_GAP, LAST_GAP);
-    if (found == PROFILE_FOUND)
-        take_mesh(mesh, other);
-    else
-        free(other.rows.v);
-    return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : PROFILE_FOUND;
 }
 
 /* Slow a profile down a little until it takes a time, but not where an end moves, by secants. */
@@ -574,7 +514,7 @@ static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
         if (!new_mesh(mesh, size - 2))
             return OUT_OF_MEMORY;
         memcpy(mesh->rows.v, begin.known.v, (size_t)(PROFILE_ROWS * size) * sizeof(double));
-        aim_lower(mesh, begin.excess);
+        aim_lower(mesh);
         bool is_slower = begin.slower != 1.0;
         if (is_slower)
             slow_inside(part, mesh, begin.slower);
@@ -590,8 +530,6 @@ static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
             memcpy(mesh->rows.v, begin.known.v, (size_t)(AIMS * (mesh->n + 2)) * sizeof(double));
         found = search(part, mesh, is_known);
     }
-    if (found == PROFILE_FOUND)
-        found = polish(part, mesh);
     for (int k = 0; k < REPAIRS && found == PROFILE_FOUND && has_dips(mesh); k++)
         found = repair(part, mesh);
     if (found != PROFILE_FOUND)

@@ -36,7 +36,6 @@ enum { PART_NUMBERS = 7 };
  *     (m + 1,) and (m, 18): three components of each of six coefficients; or (0,) and (0, 18).
  * limits: of velocity, acceleration and jerk, norm and components, shape (3, 4).
  * move_limits: of the position's velocity and acceleration, shape (2,).
- * room: used share of the jerk, over the share that the law between two records may have.
  * period: of the device, s.
  * total: wanted duration, s; 0 for the shortest.  If the path still moves at its end, the shortest
  *     duration is a whole number of periods. */
@@ -48,16 +47,16 @@ typedef struct {
     row_t move_breaks;
     matrix_t moves, limits;
     row_t move_limits;
-    double room, period, total;
+    double period, total;
 } timing_t;
 
 /* Where a search begins: a profile that is known, of one part.
  *
  * known: no rows for none; four, COEFFICIENTS and SHARES, on the first mesh, found to the gap of the
  *     first round; or all of them, to be improved on its own mesh.
- * excess: in the last case, by how much slower to be everywhere.
- * slower: the same, but not where an end moves; then the known coefficients are not used. */
-typedef struct { matrix_t known; double excess, slower; } begin_t;
+ * slower: in the last case, by how much slower to be, but not where an end moves; the known
+ *     coefficients are then not used. */
+typedef struct { matrix_t known; double slower; } begin_t;
 
 /* Profiles of the parts one after the other, row by row; to be freed. */
 typedef struct { matrix_t rows; double *parts; } timed_t;

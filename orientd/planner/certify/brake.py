@@ -113,16 +113,6 @@ def _rise_time(speed: float, limits: Limits) -> float:
     return max(speed / limits.acceleration, rise) + rise
 
 
-def share_to_stop(seconds: float, stop_time: float) -> float:
-    """Return the share of the acceleration with which a stop on the path takes a given time.
-
-    Args:
-        seconds: velocity over acceleration.
-        stop_time: s.
-    """
-    return 1.0 - float(np.interp(seconds / stop_time, _WORST, _RESERVE_ROOT)) ** 2
-
-
 def speed_to_stop(shares: Floats, stop_time: float) -> Floats:
     """Return the velocities from which a stop on the path takes a given time, over acceleration, s.
 
@@ -135,7 +125,7 @@ def speed_to_stop(shares: Floats, stop_time: float) -> Floats:
     return found
 
 
-def jerk_to_stop(velocity: float, acceleration: float, stop_time: float) -> float:
+def jerk_to_stop(velocity: Floats, acceleration: Floats, stop_time: float) -> Floats:
     """Return the jerk that a stop on the path adds to its own, rad/s^3.
 
     Args:

@@ -33,7 +33,7 @@ from orientd.planner.connect.connector import (
 from orientd.planner.connect.position_stop import check_lead, position_lead
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
 from orientd.planner.state import State
-from orientd.planner.timing.axis_turn import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
+from orientd.planner.timing.axis_turn import phases_of_turn
 from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
@@ -277,8 +277,6 @@ def approach(
     limits: Limits,
     *,
     is_even: bool = False,
-    share: float = SHARE,
-    jerk_share: float = CAREFUL_JERK_SHARE,
     is_part: bool = True,
 ) -> Trajectory | None:
     """Return the fastest turn from rest at *q0* to rest at *q1*, the short way round.
@@ -287,8 +285,6 @@ def approach(
 
     Args:
         is_even: whether to return a quintic instead, as long as its peaks need.
-        share: usable share of the acceleration.
-        jerk_share: usable share of the jerk.
         is_part: whether it is part of a longer motion.
 
     Raises:
@@ -301,9 +297,7 @@ def approach(
     if not is_shorter:
         turn = 2.0 * math.pi - turn
     if math.isfinite(limits.acceleration) and not is_even:
-        phases = phases_of_turn(
-            axis, turn, limits, share=share, jerk_share=jerk_share, is_part=is_part
-        )
+        phases = phases_of_turn(axis, turn, limits, is_part=is_part)
         check_lead("an approach", float(phases.sum()))
         return AxisTurn(q0, axis, turn, phases).trajectory
     velocity, acceleration, jerk = limits.with_reserve().along(axis.tolist())

@@ -12,32 +12,30 @@ import numpy as np
 
 from orientd.curves.axis_turn import AxisTurn
 from orientd.model.limits import Limits
-from orientd.planner.certify.brake import jerk_to_stop, longest_stop, share_to_stop, speed_to_stop
+from orientd.planner.certify.brake import jerk_to_stop, longest_stop, speed_to_stop
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 
-SHARE = 0.999
-"""Share of acceleration and jerk that the fastest timing uses; the rest is for stops."""
+SHARE = 0.98
+"""Share of acceleration and jerk that timings use.
 
-CAREFUL_JERK_SHARE = 0.994
-"""Share of the jerk if it changes its sign between two records.
-
-The interpolation between them then exceeds it by up to 0.53 %.
+The rest is for stops on the path, and for the law between two records, which exceeds the jerk where
+that has a step.
 """
 
-VELOCITY_SHARE = 0.9998
+VELOCITY_SHARE = 0.9995
 """Share of the velocity, for a motion that continues."""
 
-LEAST_SHARE = 0.2
-"""Shares below which a timing would no longer be the fastest."""
+Rates = tuple[float, float, float]
+"""Velocity, acceleration and jerk, rad/s and so on."""
 
 _ONE_WAY = 1e-9  # share of the velocity by which it may differ from the one along the axis
 _ON_AXIS = 5e-10  # rad; tolerance of a path that is a turn about one axis
-_EASED = 2.0 / 3.0  # share of the longest stop from which a motion gets some reserve
-_MUCH = 0.95  # of the acceleration
+_EASED = 2.0 / 3.0  # share of the longest stop from which a motion gets a larger reserve
 _SHARES_TO_STOP = 1.0 - np.linspace(0.0, 0.97, 25) ** 2  # of the acceleration, to choose from
 _LOOKS = 8  # between two knots
 _BISECTIONS = 60
+_SAME = 1e-9  # share of a duration
 
 
 def double_s(distance: float, velocity: float, acceleration: float, jerk: float) -> Floats:
@@ -77,79 +75,57 @@ def _durations(
     return rise, hold, cruise
 
 
-def phases_of_turn(
-    axis: Floats,
-    turn: float,
-    limits: Limits,
-    *,
-    share: float = SHARE,
-    jerk_share: float = SHARE,
-    is_part: bool = False,
-) -> Floats:
-    """Return the phases of the fastest turn from rest to rest that has a reserve for stops.
+def usable(
+    turn: float, velocity: float, acceleration: float, jerk: float, *, is_part: bool = False
+) -> Rates:
+    """Return how much of its limits the timing of a path uses.
+
+    It is the usual share, unless a stop would then take too long.  Then the reserve is larger, or
+    the velocity lower, whichever is faster.  A motion that ends sooner than it could be stopped
+    needs no such reserve; from there the reserve grows with the duration.
+
+    Args:
+        turn: the length of the path, rad, positive.
+        velocity: limit, rad/s; and those of the others, rad/s^2 and rad/s^3.
+        is_part: whether the path is part of a longer motion.
+    """
+    most = VELOCITY_SHARE * velocity, SHARE * acceleration, SHARE * jerk
+    rise, hold, cruise = _durations(turn, *most)
+    stop = longest_stop(2.0 * rise + hold)
+    weight = ((4.0 * rise + 2.0 * hold + cruise) / stop - _EASED) / (1.0 - _EASED)
+    weight = 1.0 if is_part else min(weight, 1.0)
+    if weight <= 0.0:
+        return most
+    pull = most[2] * rise if rise else most[1]
+    pulls = pull * _SHARES_TO_STOP
+    speeds = np.minimum(
+        pull * (rise + hold), speed_to_stop(pulls / acceleration, stop) * acceleration
+    )
+    jerks = np.minimum(most[2], jerk - jerk_to_stop(speeds, pulls, stop))
+    rows = np.stack([speeds, pulls, jerks], axis=1)[jerks > 0.0].tolist()
+    best = min(rows, key=lambda row: _duration(turn, *row), default=most)
+    if _duration(turn, *best) <= (1.0 + _SAME) * _duration(turn, *most):
+        return most
+    mixed = [(1.0 - weight) * one + weight * other for one, other in zip(most, best, strict=True)]
+    return mixed[0], mixed[1], mixed[2]
+
+
+def _duration(turn: float, velocity: float, acceleration: float, jerk: float) -> float:
+    rise, hold, cruise = _durations(turn, velocity, acceleration, jerk)
+    return 4.0 * rise + 2.0 * hold + cruise
+
+
+def phases_of_turn(axis: Floats, turn: float, limits: Limits, *, is_part: bool = False) -> Floats:
+    """Return the phases of the fastest turn from rest to rest, s.
 
     Args:
         turn: its angle, rad, positive.
-        share: usable share of the acceleration.
-        jerk_share: usable share of the jerk.
         is_part: whether it is part of a longer motion.
     """
-    velocity, acceleration, jerk = limits.along(axis.tolist())
-    most = VELOCITY_SHARE * velocity, share * acceleration, jerk_share * jerk
-    phases = double_s(turn, *most)
-    total, rest = float(phases.sum()), float(phases[4:].sum())
-    stop = longest_stop(rest)
-    weight = 1.0 if is_part else (total / stop - _EASED) / (1.0 - _EASED)
-    if weight <= 0.0:
-        return phases
-    # A motion shorter than a stop needs no reserve; the reserve then grows with the duration.
-    can_be_stopped = _most_to_stop(turn, phases, (acceleration, jerk), most, stop)
-    weight = min(weight, 1.0)
-    return double_s(
-        turn,
-        *(
-            one if one == other else (1.0 - weight) * one + weight * other
-            for one, other in zip(most, can_be_stopped, strict=True)
-        ),
-    )
+    return double_s(turn, *usable(turn, *limits.along(axis.tolist()), is_part=is_part))
 
 
-def _most_to_stop(
-    turn: float,
-    phases: Floats,
-    limits: tuple[float, float],
-    most: tuple[float, float, float],
-    stop: float,
-) -> tuple[float, float, float]:
-    """Return the shares of *most* that the fastest turn with a stop within a time, s, uses.
-
-    *phases* are those of the turn without a reserve, and *limits* of acceleration and jerk.
-    """
-    (rise, hold), (acceleration, jerk) = phases[:2].tolist(), limits
-    pull = min(most[1], most[2] * rise) if rise else most[1]
-    highest = pull * (rise + hold)
-    share = share_to_stop(min(most[0], highest) / acceleration, stop)
-    pulls, speeds = np.array([min(share * acceleration, pull)]), np.array([most[0]])
-    if share < _MUCH:
-        # A lower velocity may be better.
-        pulls = pull * _SHARES_TO_STOP
-        speeds = np.minimum(most[0], speed_to_stop(pulls / acceleration, stop) * acceleration)
-    best, least = most, math.inf
-    for pulled, velocity in zip(pulls.tolist(), speeds.tolist(), strict=True):
-        turned = jerk_to_stop(min(velocity, highest), pulled, stop)
-        if not turned < jerk:
-            continue
-        used = velocity, pulled, min(most[2], jerk - turned)
-        rise, hold, cruise = _durations(turn, *used)
-        total = 4.0 * rise + 2.0 * hold + cruise
-        if total < least:
-            best, least = used, total
-    return best
-
-
-def turned_at_once(
-    keyframe_path: KeyframePath, limits: Limits, share: float = SHARE
-) -> KeyframePath | None:
+def turned_at_once(keyframe_path: KeyframePath, limits: Limits) -> KeyframePath | None:
     """Return the same path in the shortest time if it is a turn one way about one axis.
 
     Args:
@@ -177,9 +153,7 @@ def turned_at_once(
     if np.any(angle(turned, np.concatenate([q, keys])) > _ON_AXIS):
         return None
     turn = float(so_far[-1])
-    found = AxisTurn(
-        q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
-    )
+    found = AxisTurn(q[0], axis, turn, phases_of_turn(axis, turn, limits))
     times = _times(found, goal)
     return KeyframePath(found.trajectory, keyframe_path.positions, times)
 

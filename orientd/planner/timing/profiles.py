@@ -14,6 +14,7 @@ with a velocity that the request did not ask for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -25,10 +26,9 @@ from orientd.kernels import time_quickest
 from orientd.model.limits import Limits
 from orientd.planner import refusal
 from orientd.planner.certify.measuring import limit_table
-from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
+from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once, usable
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.rotation import Floats
-from orientd.tolerances import GUARD_TOLERANCE
+from orientd.rotation import Floats, angle
 
 _STEP = 1e-6  # share of the peak velocity and acceleration that is a step at a knot
 _PACE_POWER = 1.3  # approximate: moving ends keep their own pace
@@ -42,9 +42,26 @@ _SHARES, _AIMS, _PLACES, _TIMES, _ROWS = 1, 4, 7, 10, 11
 _PART = 7  # numbers of a part
 
 
-def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
-    """Return the limits of the fastest timing, with *share* of acceleration and jerk."""
-    return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
+def aimed_at(limits: Limits, turn: float = 0.0) -> Limits:
+    """Return the limits of the fastest timing of a path.
+
+    Args:
+        turn: the length of the path, rad; a path without a length needs no more than the usual
+            reserve for a stop.
+    """
+    full = limits.velocity, limits.acceleration, limits.jerk
+    used = usable(turn, *full) if turn and math.isfinite(limits.acceleration) else full
+    velocity, acceleration, jerk = (
+        min(part / whole, share) if math.isfinite(whole) else share
+        for part, whole, share in zip(used, full, (VELOCITY_SHARE, SHARE, SHARE), strict=True)
+    )
+    return limits.times(
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        linear_velocity=VELOCITY_SHARE,
+        linear_acceleration=acceleration,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +113,6 @@ def profiles(
     limits: Limits,
     period: float,
     *,
-    share: float = SHARE,
     rests: Floats | None = None,
     known: Floats | None = None,
     slower: float = 1.0,
@@ -117,7 +133,8 @@ def profiles(
     Raises:
         PlanError: a part has no profile.
     """
-    trajectory, aims = path.trajectory, aimed_at(limits, share)
+    trajectory = path.trajectory
+    aims = aimed_at(limits, _length(trajectory))
     found = time_quickest(
         trajectory.breaks,
         trajectory.pieces,
@@ -127,11 +144,9 @@ def profiles(
         *path.moves,
         limit_table(aims),
         np.array([aims.linear_velocity, aims.linear_acceleration]),
-        share / GUARD_TOLERANCE,
         period,
         total,
         np.empty((0, 0)) if known is None else known,
-        1.0,
         slower,
     )
     if isinstance(found, bool):
@@ -144,6 +159,12 @@ def profiles(
         Profile(np.ascontiguousarray(some), part[1:3], (bool(part[3]), bool(part[4])), span)
         for some, part, span in zip(rows, parts, parts[:, 5:].tolist(), strict=True)
     ]
+
+
+def _length(trajectory: Trajectory) -> float:
+    """Return the approximate length of a trajectory, rad."""
+    knots = trajectory.orientations(trajectory.knots)
+    return float(angle(knots[:-1], knots[1:]).sum())
 
 
 def corners(trajectory: Trajectory) -> Floats:
@@ -165,7 +186,6 @@ def quickest(
     limits: Limits,
     period: float,
     *,
-    share: float = SHARE,
     known: Floats | None = None,
     has_rests: bool = False,
 ) -> QuickPath:
@@ -187,10 +207,10 @@ def quickest(
         rests = np.concatenate([[0.0], inner, [path.duration]])
     elif known is None:
         # A path with a known profile is not a turn about one axis.
-        turn = turned_at_once(path, limits, share)
+        turn = turned_at_once(path, limits)
         if turn is not None:
             return QuickPath(turn.trajectory, turn.positions, turn.times, path.notes)
-    found = profiles(path, limits, period, share=share, rests=rests, known=known)
+    found = profiles(path, limits, period, rests=rests, known=known)
     quick = _joined([_on_records(retimed(path, one), period) for one in found])
     refusal.check_duration(quick.duration)
     return quick
@@ -202,8 +222,6 @@ def lasting(
     limits: Limits,
     period: float,
     total: float,
-    *,
-    share: float = SHARE,
 ) -> KeyframePath:
     """Return a path in a longer time than the shortest, with the same velocities at its ends.
 
@@ -219,9 +237,7 @@ def lasting(
         return quick.lasting(total)
     refusal.check_total(total, quick.duration)
     for _ in range(_MOST_PACES):
-        (profile,) = profiles(
-            path, limits, period, share=share, known=known.rows, slower=pace, total=total
-        )
+        (profile,) = profiles(path, limits, period, known=known.rows, slower=pace, total=total)
         if abs(profile.duration - total) <= _SAME * total:
             return retimed(path, profile).slowed(total)
         pace *= (0.5 * (1.0 + _NEARLY) * total / profile.duration) ** _PACE_POWER

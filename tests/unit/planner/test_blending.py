@@ -327,15 +327,17 @@ def test_a_second_blend_begins_behind_the_first_one():
 
 
 @pytest.mark.parametrize(
-    ("keys", "fields", "earliest", "why"),
+    ("keys", "fields", "tolerance", "earliest", "why"),
     [
-        ([LEGS[1], LEGS[2]], {}, 10_000, "too late"),
-        ([LEGS[1], LEGS[2]], {}, 274, "in the 0.002 s that were left of it"),
-        ([LEGS[1], LEGS[1]], {}, 0, "the orientation changes on one side of the corner only"),
-        ([LEGS[1], LEGS[2]], {"acceleration": 0.01}, 0, "keeps the limits of both"),
+        ([LEGS[1], LEGS[2]], {}, 0.1, 10_000, "too late"),
+        ([LEGS[1], LEGS[2]], {}, 1e-6, 276, "in the 0.002 s that were left of it"),
+        ([LEGS[1], LEGS[1]], {}, 0.1, 0, "the orientation changes on one side of the corner only"),
+        ([LEGS[1], LEGS[2]], {"acceleration": 0.01}, 0.1, 0, "keeps the limits of both"),
     ],
 )
-def test_a_stop_for_want_of_a_blend_is_noted_with_its_reason(keys, fields, earliest, why):
+def test_a_stop_for_want_of_a_blend_is_noted_with_its_reason(
+    keys, fields, tolerance, earliest, why
+):
     first, _ = legs(has_positions=True)
     start = State.at_rest(HERE, PLACES[0])
     first = plan(MotionRequest(first), start=start, limits=ARM, period=PERIOD)
@@ -345,7 +347,7 @@ def test_a_stop_for_want_of_a_blend_is_noted_with_its_reason(keys, fields, earli
         approach=True,
         limits=Limits.partial(**fields) if fields else None,
     )
-    record, second = blended(first, request, 0.1, earliest=earliest)
+    record, second = blended(first, request, tolerance, earliest=earliest)
     assert record == first.recorded().last_record + 3
     (note,) = (one for one in second.certificate.notes if one.startswith(NOT_BLENDED))
     assert why in note

@@ -76,7 +76,7 @@ def test_a_peak_that_the_spots_have_missed_is_found_in_the_end(monkeypatch):
     monkeypatch.setattr(even, "time_even", blind)
     motion = plan(asked, start=start, limits=ARM, period=PERIOD)
     # It may have less of the reserve then, but keeps the limits.
-    assert motion.duration == pytest.approx(right.duration, rel=0.03)
+    assert motion.duration <= 1.03 * right.duration
     assert motion.certificate.peak_acceleration.planned_ratio <= 1.0
 
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import orientd
 from orientd.errors import PlanError, RequestError
 from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.planner.timing.profiles import aimed_at
 
 ARM = LIMITS["arm"]
 KEYS = rotations(np.random.default_rng(3), 5, 0.8)
@@ -42,10 +43,11 @@ def test_a_duration_is_kept_or_refused():
 def test_a_single_keyframe_takes_as_long_as_with_ruckig(limits):
     ruckig = pytest.importorskip("ruckig")
     limits = LIMITS[limits]
+    used = aimed_at(limits)
     given = ruckig.InputParameter(1)
     given.current_position, given.target_position = [0.0], [0.8]
-    given.max_velocity, given.max_jerk = [limits.velocity], [limits.jerk]
-    given.max_acceleration = [limits.acceleration]
+    given.max_velocity, given.max_jerk = [used.velocity], [used.jerk]
+    given.max_acceleration = [used.acceleration]
     found = ruckig.Trajectory(1)
     ruckig.Ruckig(1).calculate(given, found)
     motion = plan(
@@ -54,7 +56,7 @@ def test_a_single_keyframe_takes_as_long_as_with_ruckig(limits):
         limits=limits,
         period=PERIOD,
     )
-    assert motion.duration == pytest.approx(found.duration, rel=1e-3)
+    assert motion.duration == pytest.approx(found.duration, rel=1e-9)
 
 
 @pytest.mark.parametrize("place", [0, 2, 4])

@@ -17,7 +17,7 @@ from orientd.planner.job import PlanJob
 from orientd.planner.path.path import Path
 from orientd.planner.path.position import PositionPath
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.planner.timing.profiles import quickest
+from orientd.planner.timing.profiles import aimed_at, quickest
 from orientd.rotation import exp, multiply
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -68,15 +68,20 @@ def core_of(seed, *, count=6, step=0.6, at_rest=True):
 def test_a_turn_about_one_axis_takes_as_long_as_with_ruckig(turn, name):
     ruckig = pytest.importorskip("ruckig")
     limits = LIMITS[name]
-    given = ruckig.InputParameter(1)
-    given.current_position, given.target_position = [0.0], [turn]
-    given.max_velocity = [limits.velocity]
-    given.max_acceleration = [limits.acceleration]
-    given.max_jerk = [limits.jerk]
-    found = ruckig.Trajectory(1)
-    ruckig.Ruckig(1).calculate(given, found)
+    durations = []
+    for used in (limits, aimed_at(limits)):
+        given = ruckig.InputParameter(1)
+        given.current_position, given.target_position = [0.0], [turn]
+        given.max_velocity = [used.velocity]
+        given.max_acceleration = [used.acceleration]
+        given.max_jerk = [used.jerk]
+        found = ruckig.Trajectory(1)
+        ruckig.Ruckig(1).calculate(given, found)
+        durations.append(found.duration)
     motion = made([Keyframe(HERE), Keyframe(about_z(turn))], limits)
-    assert alone(motion) == pytest.approx(found.duration, rel=1e-3)
+    assert alone(motion) == pytest.approx(durations[1], rel=1e-9)
+    # That is the price of the reserve to stop with.
+    assert alone(motion) < 1.0102 * durations[0]
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -86,7 +91,9 @@ def test_without_jerk_limit_it_takes_as_long_as_with_toppra(seed, at_rest):
     keyframe_path = core_of(seed, at_rest=at_rest)
     velocity, acceleration = np.array([1.5, 1.2, 1.8]), np.array([4.0, 6.0, 5.0])
     limits = Limits.partial(velocity=velocity, acceleration=acceleration)
-    quick = quickest(keyframe_path, limits, 0.001, share=1.0)
+    quick = quickest(keyframe_path, limits, 0.001)
+    used = aimed_at(limits)
+    velocity, acceleration = np.array(used.axes("velocity")), np.array(used.axes("acceleration"))
 
     class Curve(toppra.interpolator.AbstractGeometricPath):
         """Omega and alpha are as linear in the rates of the parameter as those of joints."""
@@ -129,7 +136,8 @@ def test_with_jerk_limit_it_is_near_the_optimum_found_on_a_fine_grid(case):
     usual = plan(request, start=start, limits=limits, period=PERIOD)
     chords = KeyframePath(usual.path.trajectory, usual.path.positions, usual.keyframe_times)
     quick = quickest(chords, limits, PERIOD)
-    assert -0.001 < quick.duration / case["duration"] - 1.0 < 0.005
+    # The reserve to stop with costs up to 1.02 %.
+    assert 0.0 < quick.duration / case["duration"] - 1.0 < 0.012
     # Times at the keyframes chosen for the quickest way make it no longer than by their distances.
     assert alone(made(request.keyframes, limits)) < 1.001 * quick.duration
 
