@@ -107,28 +107,6 @@ def choose_knots(
     profile: Floats,
     /,
 ) -> bool: ...
-def time_even(
-    breaks: Floats,
-    pieces: Floats,
-    knots: Floats,
-    move_breaks: Floats,
-    moves: Floats,
-    limits: Floats,
-    move_limits: Floats,
-    period: float,
-    is_held_before: bool,
-    is_held_after: bool,
-    tolerance: float,
-    more_acceleration: float,
-    more_jerk: float,
-    step: float,
-    has_one_shape: bool,
-    is_everywhere: bool,
-    first: int,
-    least: int,
-    most: int,
-    /,
-) -> tuple[int, float, float]: ...
 def time_quickest(
     breaks: Floats,
     pieces: Floats,

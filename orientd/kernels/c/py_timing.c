@@ -4,7 +4,6 @@
 #include <stdlib.h>
 
 #include "clock.h"
-#include "even.h"
 #include "interpolation.h"
 #include "knot_times.h"
 #include "timing.h"
@@ -52,24 +51,6 @@ KERNEL(time_quickest) {
     return made;
 }
 
-KERNEL(time_even) {
-    TAKE("vmvvmmvdppddddppiii");
-    index_t n = a[1].m.n, moves = a[4].m.n;
-    CHECK(n > 0 && a[0].v.n == n + 1 && a[1].m.m == PIECE && a[2].v.n > 1);
-    CHECK(a[3].v.n == (moves ? moves + 1 : 0) && a[4].m.m == 18);
-    CHECK(is_matrix(a[5].m, 3, 4) && a[6].v.n == 2 && a[7].d > 0.0);
-    CHECK(a[16].i >= 0 && a[17].i > 0 && a[18].i <= MOST_CYCLES);
-    even_t asked = {a[0].v, a[1].m, a[2].v, a[3].v, a[4].m, a[5].m, a[6].v, a[7].d,
-                    {a[8].p, a[9].p}, a[10].d, {a[11].d, a[12].d}, a[13].d, a[14].p, a[15].p};
-    index_t first = a[16].i, fewest = a[17].i, highest = a[18].i;
-    even_pace_t found;
-    int failed;
-    RUN(failed = time_even(&asked, first, fewest, highest, &found));
-    if (failed)
-        return PyErr_NoMemory();
-    return Py_BuildValue("(Ldd)", (long long)found.cycles, found.factor, found.coarse);
-}
-
 KERNEL(time_map) {
     TAKE("vvvvvvM");
     index_t n = a[0].v.n, size = a[5].v.n;
@@ -85,7 +66,6 @@ KERNEL(time_map) {
 
 PyMethodDef timing_methods[] = {
     ENTRY(choose_knots),
-    ENTRY(time_even),
     ENTRY(time_map),
     ENTRY(time_quickest),
     LAST_ENTRY,

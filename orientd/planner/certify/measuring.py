@@ -42,14 +42,6 @@ from orientd.planner.facts import HISTORY
 from orientd.planner.path import Path
 from orientd.rotation import Floats
 
-OFF_GRID = {0: (2.0, 2.0), 1: (1.0, 1.5), 2: (1.0, 1.0)}
-"""Factor by which acceleration and jerk can be larger between the records, by continuity.
-
-A stop on the path leaves the grid of records.  An acceleration step then falls elsewhere between
-two setpoints.  Its share in the third difference, the quadratic B-spline at that place, varies from
-1/2 to 3/4.  The share of a velocity step in second and third differences varies from 1/2 to 1.
-"""
-
 STATE = 13
 """Numbers of a setpoint: orientation, angular velocity and acceleration, position."""
 

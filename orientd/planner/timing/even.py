@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
-from orientd.kernels import time_even
 from orientd.model.limits import LONGEST, Limits
 from orientd.planner import refusal
-from orientd.planner.certify.measuring import OFF_GRID, limit_table
+from orientd.planner.certify.measuring import measure
+from orientd.planner.path import Path
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.tolerances import GUARD_TOLERANCE
 
 PRECISION = 1e-3
 """Tolerance of the shortest duration."""
 
-_CYCLES_A_STEP = 4
-_LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # share of the step bound over a period
+_SPOTS = 32  # in an interval, of the first look
+_MOST_LOOKS = 8
 _LONGEST_SEARCH = 256  # multiple of the first guess, if the duration changes the curve
 _MOST_ATTEMPTS = 40
 _LONGEST_STRIDE = 2.0  # ratio of durations if the duration changes the curve
@@ -30,62 +28,23 @@ _GROWTH = 1.05
 _LEAST, _GREATEST = 1e-9, 1e4  # factors that a prediction is made from
 
 
-class Pace(NamedTuple):
-    """The pace of a keyframe path, judged by its records.
-
-    Attributes:
-        cycles: the fewest that keep the limits, to 0.1 %; 0 if none were found.
-        factor: by which the path should take longer than the last examined cycles.
-        coarse: factor for its own duration, from the derivatives at a few times alone.
-    """
-
-    cycles: int
-    factor: float
-    coarse: float
-
-
-def pace_of(
-    path: KeyframePath,
-    limits: Limits,
-    period: float,
-    *,
-    first: int = 0,
-    least: int = 1,
-    most: int = 0,
-    has_one_shape: bool = True,
-    everywhere: bool = False,
-) -> Pace:
-    """Return the number of cycles of a keyframe path at its own pace.
-
-    This examines only records near the largest rates; the certificate examines everything.
-
-    Args:
-        first: initial number of cycles; 0 begins with an estimate from the derivatives.
-        least: least number of cycles.
-        most: largest number of cycles; if below *least*, no record is examined.
-        has_one_shape: whether a different duration gives the same curve at another rate.
-        everywhere: whether to examine every record.
-    """
-    trajectory, is_smooth = path.trajectory, path.trajectory.continuity >= 2
-    found = time_even(
-        trajectory.breaks,
-        trajectory.pieces,
-        trajectory.knots,
-        *path.moves,
-        limit_table(limits),
-        np.array([limits.linear_velocity, limits.linear_acceleration]),
-        period,
-        *path.held_ends(limits),
-        GUARD_TOLERANCE,
-        *OFF_GRID[trajectory.continuity],
-        0.0 if is_smooth else _LARGEST_STEP,
-        has_one_shape,
-        everywhere,
-        first,
-        least,
-        most,
+def excess(path: KeyframePath, limits: Limits, period: float) -> float:
+    """Return the factor by which a path should take longer, by the peaks of its certificate."""
+    whole, rests = Path(path.trajectory, path.positions), path.held_ends(limits)
+    held = np.array([whole.first] * 3), np.array([path.positions.first] * 3)
+    count = math.ceil(path.duration / period - 1e-9) + 1
+    peaks = measure(whole, count, period, limits, before=held if rests[0] else None, rests=rests)
+    velocity, acceleration, jerk = peaks.drawn
+    # What a step of the acceleration adds to a third difference falls with the square only.
+    is_step = jerk > 1.0 and path.trajectory.continuity < 2
+    return max(
+        velocity,
+        math.sqrt(acceleration),
+        math.sqrt(jerk) if is_step else math.cbrt(jerk),
+        peaks.linear_velocity.ratio,
+        math.sqrt(peaks.linear_acceleration.ratio),
+        _LEAST,
     )
-    return Pace(*found)
 
 
 def evenly_paced(
@@ -105,16 +64,29 @@ def evenly_paced(
     Returns:
         ``None`` if no duration keeps the limits.
     """
-    reserved = limits.with_reserve()
-    guess = path.duration * pace_of(path, reserved, period).coarse
-    refusal.check_duration(guess)
-    # Two acceleration steps within one difference of the setpoints would add up.
-    least = 1 if path.trajectory.continuity >= 2 else _CYCLES_A_STEP * intervals
-    first, most = math.ceil(guess / period), int(longest / period)
-    if guess > longest or most < least:
-        return None
-    cycles = pace_of(path, reserved, period, first=first, least=least, most=most).cycles
-    return path.slowed(cycles * period) if cycles else None
+    reserved, kept = limits.with_reserve(), None
+    spread = max(period, path.duration / (_SPOTS * intervals))
+    duration = path.duration * excess(path, reserved, spread)
+    refusal.check_duration(duration)
+    cycles, fewest = max(math.ceil(duration / period), 1), 0
+    for _ in range(_MOST_LOOKS):
+        if cycles * period > longest:
+            break
+        found = path.slowed(cycles * period)
+        factor = excess(found, reserved, period)
+        if factor <= 1.0:
+            kept = found
+        else:
+            fewest = cycles
+        wanted = max(math.ceil(cycles * factor * (1.0 + 0.4 * PRECISION)), fewest + 1)
+        if kept is not None:
+            most = round(kept.duration / period)
+            if 1.0 - PRECISION < factor <= 1.0 or most - fewest <= max(1, PRECISION * most):
+                break
+            if wanted >= most:
+                wanted = (fewest + most) // 2
+        cycles = wanted
+    return kept
 
 
 def evenly_made(
@@ -139,16 +111,14 @@ def evenly_made(
         ``None`` if no duration was found.
     """
     reserved, known = limits.with_reserve(), math.ceil(guess / period)
-    coarse = guess * pace_of(make(guess), reserved, period, has_one_shape=False).coarse
+    coarse = guess * excess(make(guess), reserved, period)
     # The first guess has a curve; a longer one may swing out further.
     first = math.ceil(coarse / period) if coarse <= 2 * known * period else known
     kept: dict[int, KeyframePath] = {}
 
     def attempt(cycles: int) -> float:
         path = make(cycles * period)
-        factor = pace_of(
-            path, reserved, period, first=cycles, least=cycles, most=cycles, has_one_shape=False
-        ).factor
+        factor = excess(path, reserved, period)
         if factor <= 1.0:
             kept[cycles] = path
         return factor
