@@ -86,7 +86,7 @@ def certify(
     nodes: Floats, worst: Floats, numbers: Floats, found: Floats, /,
 ) -> None: ...  # fmt: skip
 
-# clock.h, knot_times.h, profile.h
+# clock.h, profile.h
 def time_map(
     times: Floats,
     places: Floats,
@@ -97,16 +97,6 @@ def time_map(
     out: Floats,
     /,
 ) -> None: ...
-def choose_knots(
-    keys: Floats,
-    lengths: Floats,
-    limits: Floats,
-    total: float,
-    descents: int,
-    times: Floats,
-    profile: Floats,
-    /,
-) -> bool: ...
 def time_quickest(
     breaks: Floats,
     pieces: Floats,

@@ -27,12 +27,10 @@ from orientd.planner.path import Path, PositionPath, end_states, position_path
 from orientd.planner.resolve import half_turn_notes
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.planner.timing.knots import Knots, chord_knots, chosen_knots
-from orientd.planner.timing.profiles import aimed_at
+from orientd.planner.timing.knots import Knots, chord_knots, quick_knots
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
-_CALM = 0.5  # share of the acceleration for a curve that a connector joins: it needs the rest
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 
@@ -103,12 +101,6 @@ class PlanJob:
         """Return the same job with quick leads that use a share of acceleration and jerk."""
         return replace(self, is_even=False, limits=self.limits.with_reserve(share), _leads={})
 
-    def with_free_acceleration(self) -> PlanJob:
-        """Return the same job for a curve that does not begin with the device's acceleration."""
-        limits = self.limits.times(acceleration=_CALM)
-        ends = replace(self.ends, alpha_start=None)
-        return replace(self, ends=ends, limits=limits, _leads={})
-
     @property
     def is_taken_over(self) -> bool:
         """Whether a position continues a motion."""
@@ -141,7 +133,7 @@ class PlanJob:
             refusal.check_duration(guess)
         guess = min(max(guess, 2.0 * self.period), LONGEST)
         if is_quick and self.has_one_shape and self.halt.is_held:
-            knots = chosen_knots(self.request, knots, guess, aimed_at(self.own)) or knots
+            knots = quick_knots(self.request, knots)
         return knots, guess
 
     def path(self, knots: Knots, duration: float, *, is_paced: bool = True) -> KeyframePath:
@@ -159,7 +151,7 @@ class PlanJob:
         times = knots.times * (duration / knots.times[-1])
         times[-1] = duration
         can_rest = METHODS[request.method].meets_end_accelerations
-        is_free = knots.profile is not None or not (is_paced or can_rest)
+        is_free = knots.leaves_freely or not (is_paced or can_rest)
         ends = replace(self.ends, leaves_freely=True) if is_free else self.ends
         curve = build(request, request.keys[kept], times[kept], request.turns[kept], ends)
         try:

@@ -169,7 +169,7 @@ def _quickest(job: PlanJob, name: str) -> Motion:
     elif request.times is not None:
         tried.attempt("the times of the request", partial(_as_timed, job, name))
     elif job.is_even:
-        _evenly(job, name, tried)
+        tried.attempt("an even pace", partial(_at_even_pace, job, name))
     elif any(job.ends.moves) and resting.can_rest(job):
         _with_moving_ends(job, name, tried)
     else:
@@ -183,11 +183,6 @@ def _quickest(job: PlanJob, name: str) -> Motion:
                 _with_stops(job, name, tried)
     if not request.is_single and (any(job.ends.moves) or tried.best is None):
         _with_rests(job, name, tried)
-    if tried.best is None and job.ends.alpha_start is not None and job.ends.alpha_start.any():
-        # A curve that begins with the acceleration of the device may swing out.  A connector can
-        # take it from there onto another one.
-        freer = partial(_quickest, job.with_free_acceleration(), name)
-        tried.attempt("an acceleration of its own", freer, is_optional=True)
     if tried.best is None:
         raise refusal.of_attempts(tried.refused)
     return tried.best
@@ -205,8 +200,6 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
         raise PlanError("a single keyframe is reached in a duration by turning from rest only")
     if is_turn:
         tried.attempt("the quickest turn", partial(_turn, job, target, name))
-        if tried.best is None and request.total is None and not job.is_even:
-            tried.attempt("an even pace", partial(_turn, job.evenly(), target, name))
         return
     tried.attempt("a connector", partial(job.motion, target, name))
     if tried.best is None or not resting.arrives(start, target.q, job.limits):
@@ -238,13 +231,6 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
     return timed(make, partial(job.certified, name=name), job.limits)
 
 
-def _evenly(job: PlanJob, name: str, tried: _Tried) -> None:
-    """Try the curve's own pace, slowed down by one factor."""
-    before = next(reversed(tried.refused.values()), None)
-    notes = () if before is None else (f"at an even pace: {before}",)
-    tried.attempt("an even pace", partial(_at_even_pace, job.evenly(), name, *notes))
-
-
 def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
     """Try the curve, at its fastest timing first."""
     even, total = job.evenly(), job.request.total
@@ -253,7 +239,7 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
         # With a requested duration the pace is even wherever the curve would have to rest, if it is
         # led in and out.
         def without_rests() -> Motion | None:
-            return _at_even_pace(even, name) if job.has_one_shape and curve()[2] else None
+            return _at_even_pace(even, name) if job.has_one_shape and curve()[1] else None
 
         tried.attempt("an even pace", without_rests, is_optional=True)
         if tried.best is not None:
@@ -262,8 +248,8 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
     def quick() -> Motion:
         if not job.has_one_shape:
             return _along_usual_curve(job, name)
-        path, known, has_rests = curve()
-        motion = _timed(job, path, None if has_rests else known, name)
+        path, _ = curve()
+        motion = _timed(job, path, name)
         rests = len(corners(path.trajectory))
         return motion.noted(*([_rests_noted(job, path, rests)] if rests else []))
 
@@ -272,23 +258,21 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
         refused = tried.refused["the quickest timing"]
         if isinstance(refused, TotalError):
             raise refused
-        _evenly(job, name, tried)
-    elif total is None and job.has_one_shape and curve()[2]:
+    elif total is None and job.has_one_shape and curve()[1]:
         took = tried.took
         at_even_pace = partial(_at_even_pace, even, name, EVEN, longest=took)
         tried.attempt("an even pace", at_even_pace, is_optional=True)
 
 
-def _curve(job: PlanJob) -> tuple[KeyframePath, Floats | None, bool]:
-    """Return the curve to be timed, its first profile, and whether to rest on it.
+def _curve(job: PlanJob) -> tuple[KeyframePath, bool]:
+    """Return the curve to be timed, and whether to rest on it.
 
     It rests at its corners, and at moving ends if it has a given duration.
     """
     knots, guess = job.knots(is_quick=True)
     path = job.path(knots, guess, is_paced=False)
     is_moving = job.request.total is not None and not path.is_from_rest_to_rest
-    known = knots.profile if job.limits == job.own else None
-    return path, known, is_moving or bool(len(corners(path.trajectory)))
+    return path, is_moving or bool(len(corners(path.trajectory)))
 
 
 def _rests_noted(job: PlanJob, path: KeyframePath, rests: int) -> str:
@@ -486,19 +470,17 @@ def _along_usual_curve(job: PlanJob, name: str, *, longest: float = LONGEST) -> 
     knots, guess = job.knots(is_quick=False)
     refusal.check_smooth(job.request, job.path(knots, guess).trajectory.continuity)
     path = _usual_curve(job, knots, guess, longest)
-    return _timed(job, path, None, name, has_rests=False)
+    return _timed(job, path, name, has_rests=False)
 
 
-def _timed(
-    job: PlanJob, path: KeyframePath, known: Floats | None, name: str, *, has_rests: bool = True
-) -> Motion:
+def _timed(job: PlanJob, path: KeyframePath, name: str, *, has_rests: bool = True) -> Motion:
     """Return the fastest motion along one keyframe path.
 
     Args:
-        known: the first profile, if there is one.
         has_rests: whether to begin and end at rest, and to rest at corners.
     """
     total, period = job.request.total, job.period
+    known: Floats | None = None
 
     def make(limits: Limits) -> KeyframePath:
         nonlocal known

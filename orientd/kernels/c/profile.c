@@ -9,7 +9,32 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "profile_search.h"
+#include "profile.h"
+
+enum {
+    SPOTS = 3,   /* of an element */
+    BENDS = 5,   /* limits of accelerations, at most */
+    TWISTS = 4,  /* of jerks */
+};
+
+/* The rows of numbers of a search: n or n + 1 or n + 2 each. */
+typedef struct {
+    const profile_path_t *path;
+    index_t n;
+    const double *h;
+    double *near, *far, *rise;        /* value and slope at a node from two coefficients */
+    double *value, *slope;            /* of a profile at the nodes */
+    double *y[SPOTS], *d[SPOTS], *b;  /* value, slope and bend in the elements */
+    double *top[SPOTS];               /* one over the largest y */
+    double *bends[SPOTS][BENDS][3];   /* products of the columns of a limited rate */
+    double *twists[SPOTS][TWISTS][6];
+    int bend_count, twist_count;
+    double weight;                    /* of the barrier, when the search ended */
+    double *memory;
+    double *g[3], *m[6];              /* gradient and Hessian at one spot of the elements */
+    double *lg[3], *lm[6];            /* the same by the three coefficients of each element */
+    double *diagonal, *beside, *apart, *right, *step, *trial, *slack;
+} search_t;
 
 enum {
     MOST_STEPS = 160,
@@ -56,7 +81,7 @@ static void put_products(const rate_t *rate, const double *p, const double *pp, 
                         + columns[i][2] * columns[j][2];
 }
 
-void put_path(search_t *s, const rate_t *rates, int count) {
+static void put_path(search_t *s, const rate_t *rates, int count) {
     const profile_path_t *path = s->path;
     index_t n = s->n;
     for (index_t i = 0; i <= n; i++) {
@@ -92,7 +117,7 @@ void put_path(search_t *s, const rate_t *rates, int count) {
     }
 }
 
-void spread(const search_t *s, const double *restrict c) {
+static void spread(const search_t *s, const double *restrict c) {
     double *restrict value = s->value, *restrict slope = s->slope, *restrict b = s->b;
     double *const *y = s->y, *const *d = s->d;
     INDEPENDENT
@@ -111,7 +136,7 @@ void spread(const search_t *s, const double *restrict c) {
     }
 }
 
-double duration(const search_t *s) {
+static double duration(const search_t *s) {
     double *restrict part = s->slack, sum = 0.0;
     const double *restrict h = s->h;
     const double *restrict a = s->y[0], *restrict b = s->y[1], *restrict c = s->y[2];
@@ -149,7 +174,7 @@ static double largest_share(const search_t *s) {
     return largest;
 }
 
-double cost_of(const search_t *s, double weight, double stretch) {
+static double cost_of(const search_t *s, double weight, double stretch) {
     double over = 1.0 / (stretch * stretch), barrier = 0.0, all = 1.0;
     index_t outside = 0, n = s->n;
     for (int spot = 0; spot < SPOTS; spot++) {
@@ -399,7 +424,7 @@ static double stretch_of(const search_t *s) {
     return share < INSIDE ? 1.0 : STRETCH * share;
 }
 
-int improve(search_t *s, double begin, double gap, double *c) {
+static int improve(search_t *s, double begin, double gap, double *c) {
     spread(s, c);
     for (int spot = 0; spot < SPOTS; spot++)
         for (index_t e = 0; e < s->n; e++)
@@ -434,7 +459,7 @@ int improve(search_t *s, double begin, double gap, double *c) {
     return stretch > 1.0 ? PROFILE_NOT_FOUND : PROFILE_FOUND;
 }
 
-bool new_search(search_t *s, const profile_path_t *path, const rate_t *rates, int count) {
+static bool new_search(search_t *s, const profile_path_t *path, const rate_t *rates, int count) {
     int bends = 0, twists = 0;
     for (int r = 0; r < count; r++)
         bends += rates[r].order == 2, twists += rates[r].order == 3;
@@ -465,7 +490,7 @@ bool new_search(search_t *s, const profile_path_t *path, const rate_t *rates, in
     return true;
 }
 
-void free_search(search_t *s) { free(s->memory); }
+static void free_search(search_t *s) { free(s->memory); }
 
 int find_profile(const profile_path_t *path, double begin, double gap, row_t coefficients,
                  matrix_t shares) {

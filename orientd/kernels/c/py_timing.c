@@ -5,22 +5,10 @@
 
 #include "clock.h"
 #include "interpolation.h"
-#include "knot_times.h"
 #include "timing.h"
 #include "trajectory.h"
 
 static bool is_matrix(matrix_t a, index_t n, index_t m) { return a.n == n && a.m == m; }
-
-KERNEL(choose_knots) {
-    TAKE("mvmdiVM");
-    index_t n = a[0].m.n, size = a[6].m.m;
-    CHECK(n > 2 && a[0].m.m == 4 && a[1].v.n == n - 1 && is_matrix(a[2].m, 3, 4));
-    CHECK(a[5].v.n == n && a[6].m.n == AIMS && size > 2 && (size - 2) % (n - 1) == 0);
-    knots_t asked = {a[0].m, a[1].v, a[2].m, a[3].d, (size - 2) / (n - 1), a[4].i};
-    int found;
-    RUN(found = choose_knots(asked, a[5].v, a[6].m));
-    return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found == FOUND);
-}
 
 static PyObject *bytes_of(const double *v, index_t n) {
     return PyBytes_FromStringAndSize((const char *)v, (Py_ssize_t)((size_t)n * sizeof *v));
@@ -34,7 +22,7 @@ KERNEL(time_quickest) {
     CHECK(a[5].v.n == (moves ? moves + 1 : 0) && a[6].m.m == 18);
     CHECK(is_matrix(a[7].m, 3, 4) && a[8].v.n == 2 && a[9].d > 0.0);
     CHECK(!a[11].m.n || (a[11].m.m > 3 && edges == 2));
-    CHECK(!a[11].m.n || a[11].m.n == AIMS || a[11].m.n == PROFILE_ROWS);
+    CHECK(!a[11].m.n || a[11].m.n == PROFILE_ROWS);
     timing_t asked = {a[0].v, a[1].m, a[2].v, a[3].v, a[4].p, a[5].v, a[6].m,
                       a[7].m, a[8].v, a[9].d, a[10].d};
     begin_t begin = {a[11].m, a[12].d};
@@ -65,7 +53,6 @@ KERNEL(time_map) {
 }
 
 PyMethodDef timing_methods[] = {
-    ENTRY(choose_knots),
     ENTRY(time_map),
     ENTRY(time_quickest),
     LAST_ENTRY,

@@ -457,9 +457,9 @@ static bool exceeds(const mesh_t *mesh) {
 }
 
 /* Find the quickest profile on ever narrower meshes. */
-static int search(const part_t *part, mesh_t *mesh, bool is_known) {
+static int search(const part_t *part, mesh_t *mesh) {
     index_t count = 0, budget = BUDGET + BUDGET_OF_INTERVAL * (part->knots.n - 1);
-    int found = is_known ? PROFILE_FOUND : solve(part, mesh, false, 1.0, gaps[0]);
+    int found = solve(part, mesh, false, 1.0, gaps[0]);
     put_nodes(mesh);
     for (int round = 0; found == PROFILE_FOUND; round++) {
         double gap = gaps[round < GAPS ? round : GAPS - 1], next = gaps[round + 1 < GAPS ? round + 1 : GAPS - 1];
@@ -507,7 +507,7 @@ static void stretch(const part_t *part, mesh_t *mesh, double total, const double
 }
 
 static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
-    bool is_improved = begin.known.n == PROFILE_ROWS;
+    bool is_improved = begin.known.n > 0;
     int found = PROFILE_NOT_FOUND;
     if (is_improved) {
         index_t size = begin.known.m;
@@ -525,10 +525,7 @@ static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
         free(mesh->rows.v);
         if (!first_mesh(part, mesh))
             return OUT_OF_MEMORY;
-        bool is_known = !is_improved && begin.known.n > 0 && begin.known.m == mesh->n + 2;
-        if (is_known)
-            memcpy(mesh->rows.v, begin.known.v, (size_t)(AIMS * (mesh->n + 2)) * sizeof(double));
-        found = search(part, mesh, is_known);
+        found = search(part, mesh);
     }
     for (int k = 0; k < REPAIRS && found == PROFILE_FOUND && has_dips(mesh); k++)
         found = repair(part, mesh);

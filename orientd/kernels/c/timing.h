@@ -52,10 +52,9 @@ typedef struct {
 
 /* Where a search begins: a profile that is known, of one part.
  *
- * known: no rows for none; four, COEFFICIENTS and SHARES, on the first mesh, found to the gap of the
- *     first round; or all of them, to be improved on its own mesh.
- * slower: in the last case, by how much slower to be, but not where an end moves; the known
- *     coefficients are then not used. */
+ * known: to be improved on its own mesh; no rows for none.
+ * slower: by how much slower to be, but not where an end moves; the known coefficients are then not
+ *     used. */
 typedef struct { matrix_t known; double slower; } begin_t;
 
 /* Profiles of the parts one after the other, row by row; to be freed. */

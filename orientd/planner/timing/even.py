@@ -35,7 +35,7 @@ def excess(path: KeyframePath, limits: Limits, period: float) -> float:
     count = math.ceil(path.duration / period - 1e-9) + 1
     peaks = measure(whole, count, period, limits, before=held if rests[0] else None, rests=rests)
     velocity, acceleration, jerk = peaks.drawn
-    # What a step of the acceleration adds to a third difference falls with the square only.
+    # The part of a third difference that an acceleration step adds falls with the square only.
     is_step = jerk > 1.0 and path.trajectory.continuity < 2
     return max(
         velocity,

@@ -1,4 +1,4 @@
-r"""Times for keyframes without times: by chord length, or for the fastest motion found.
+r"""Times for keyframes without times: by chord length, or by a power of it.
 
 The intervals are proportional to the angles between keyframes (Nielson 1993, eq. 23), :math:`t_i =
 t_{i-1} + \arccos\langle q_{i-1}, q_i\rangle`.  The angle comes from an arc tangent, which is
@@ -19,12 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from orientd import kernels
 from orientd.errors import PlanError, RequestError
 from orientd.model.limits import LONGEST, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest
-from orientd.planner.certify.measuring import limit_table
-from orientd.rotation import Floats, align, angle, between
+from orientd.rotation import Floats, align, angle, between, log
 
 SAME = 1e-9
 """Rad and m; closer keyframes count as one."""
@@ -36,14 +34,9 @@ This is less than the repeatability of a joint, and a tenth of a servo's step.  
 take a turn on the spot.
 """
 
-MOST_KEYFRAMES = 100
-"""Keyframes up to which other times are tried; with more of them a plan would take too long."""
-
 _FAR_LESS = 1e-3  # share of the longer interval next to a short one
-_MOST_DESCENDED = 12  # keyframes up to which the slope of the duration is computed
-_DESCENTS = 2
-_PIECES, _FEWEST = 10, 100  # elements of an interval and of all, as time_quickest begins with
-_SAME_AXIS = 1e-6  # share of the length, across the first axis; more than for a single turn
+_POWER = 0.6  # of its length, that an interval of a fast motion takes
+_SLOWER = 0.5  # share of its time that it takes more at each end that is a rest
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
@@ -57,14 +50,13 @@ class Knots:
         times: from 0 on, one for every keyframe of the request.
         kept: indices of the keyframes that the curve passes; the others repeat one of them.
         length: of the path, rad.
-        profile: a first profile on the curve with these times, if they were optimised: its
-            coefficients and utilisation, shape ``(4, n + 2)``.
+        leaves_freely: whether the curve leaves rest with an acceleration, since a timing follows.
     """
 
     times: Floats
     kept: Indices
     length: float = 0.0
-    profile: Floats | None = None
+    leaves_freely: bool = False
 
     def merged(self, request: MotionRequest, first: int = 0) -> tuple[str, ...]:
         """Return notes on keyframes that are close to another and count as one with it.
@@ -137,45 +129,28 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
     return Knots(times / times[-1], kept, length)
 
 
-def chosen_knots(
-    request: MotionRequest, knots: Knots, duration: float, limits: Limits
-) -> Knots | None:
-    """Return the times of the fastest motion found, on a curve of a given duration.
+def quick_knots(request: MotionRequest, knots: Knots) -> Knots:
+    """Return times of nearly the fastest motion, on a curve that leaves rest with an acceleration.
 
-    That curve leaves rest with an acceleration, since its pace is not known yet.
+    A longer interval takes less time than in proportion, since it is passed at a higher velocity.
+    It takes more time next to a rest or a corner, where the velocity is low.
 
     Args:
         knots: by chord length.
-        duration: of the curve to be made, s.
-
-    Returns:
-        ``None`` if other times are not tried: for another method, a moving position, whole turns, a
-        single turn, too many keyframes, or no limit of the jerk.
     """
     is_default = request.method == DEFAULT_METHOD and not request.options
-    is_plain = is_default and request.positions is None and not request.turns.any()
-    is_free = min(limits.jerk, *limits.axis_jerk) == math.inf
-    if is_free or not (is_plain and 3 <= len(knots.kept) <= MOST_KEYFRAMES):
-        return None
-    keys = align(request.keys[knots.kept])
-    if _is_about_one_axis(keys):
-        return None
-    count = len(keys) - 1
-    elements = count * max(_PIECES, math.ceil(_FEWEST / count))
-    chosen, profile = np.empty(count + 1), np.empty((4, elements + 2))
-    lengths, table = angle(keys[:-1], keys[1:]), limit_table(limits)
-    descents = _DESCENTS if len(keys) <= _MOST_DESCENDED else 0
-    if not kernels.choose_knots(keys, lengths, table, duration, descents, chosen, profile):
-        return None
-    times = np.interp(knots.times, knots.times[knots.kept], chosen)
-    return replace(knots, times=times, profile=profile)
-
-
-def _is_about_one_axis(keys: Floats) -> bool:
-    """Return whether all steps turn one way about one axis; such a turn has a closed form."""
-    steps = between(keys[:-1], keys[1:])[:, 1:]
-    lengths = np.sqrt(np.einsum("ij,ij->i", steps, steps))
-    return bool(np.all(steps @ steps[0] >= (1.0 - _SAME_AXIS) * lengths * lengths[0]))
+    if not is_default or request.positions is not None or request.turns.any():
+        return knots
+    inner, keys = knots.times[knots.kept], align(request.keys[knots.kept])
+    steps = log(between(keys[:-1], keys[1:]))
+    steps /= np.maximum(np.linalg.norm(steps, axis=1), SAME)[:, None]
+    # From straight on, 0, to turning back, 1, which is as slow as a rest.
+    corners = 0.5 * (1.0 - np.einsum("ij,ij->i", steps[:-1], steps[1:]))
+    slow = np.concatenate([[1.0], corners, [1.0]])
+    takes = np.diff(inner) ** _POWER * (1.0 + _SLOWER * (slow[:-1] + slow[1:]))
+    times = np.concatenate([[0.0], np.cumsum(takes)])
+    times = np.interp(knots.times, inner, times / times[-1])
+    return replace(knots, times=times, leaves_freely=True)
 
 
 def _is_beside(lengths: Floats) -> Booleans:

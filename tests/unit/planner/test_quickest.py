@@ -138,8 +138,8 @@ def test_with_jerk_limit_it_is_near_the_optimum_found_on_a_fine_grid(case):
     quick = quickest(chords, limits, PERIOD)
     # The reserve to stop with costs up to 1.02 %.
     assert 0.0 < quick.duration / case["duration"] - 1.0 < 0.012
-    # Times at the keyframes chosen for the quickest way make it no longer than by their distances.
-    assert alone(made(request.keyframes, limits)) < 1.001 * quick.duration
+    # Times by a power of the distances make it hardly longer than times by the distances.
+    assert alone(made(request.keyframes, limits)) < 1.01 * quick.duration
 
 
 @pytest.mark.parametrize("jerk", [40.0, 80.0])
@@ -151,7 +151,7 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
         request = MotionRequest([Keyframe(q) for q in rotations(random, 12, 0.4)])
         job = PlanJob.of(request, State.at_rest(request.keys[0]), limits, PERIOD)
         knots, guess = job.knots(is_quick=True)
-        quick = quickest(job.path(knots, guess), limits, PERIOD, known=knots.profile)
+        quick = quickest(job.path(knots, guess), limits, PERIOD)
         whole = Path.joined([quick.trajectory], quick.positions)
         peaks = measure(
             whole,
@@ -174,7 +174,7 @@ def test_a_path_at_the_quickest_pace_has_the_orientations_of_its_curve():
     job = PlanJob.of(request, State.at_rest(request.keys[0]), LIMITS["soft"], PERIOD)
     knots, guess = job.knots(is_quick=True)
     path = job.path(knots, guess)
-    quick = quickest(path, LIMITS["soft"], PERIOD, known=knots.profile)
+    quick = quickest(path, LIMITS["soft"], PERIOD)
     clock, curve = quick.profile.clock(), path.trajectory
     t = np.sort(random.uniform(0.0, quick.duration, 2000))
     s, rate, change = clock(t * (clock.times[-1] / quick.duration))
@@ -188,7 +188,7 @@ def test_a_path_at_the_quickest_pace_has_the_orientations_of_its_curve():
 
 def test_a_stop_at_every_keyframe_takes_as_long_as_a_turn_to_each():
     q = [HERE, about_z(0.002)]
-    q.append(tuple(multiply(np.array(q[1]), exp([0.0, 0.6, 0.0])).tolist()))
+    q.append(tuple(multiply(np.array(q[1]), exp([0.0, 0.0, -0.6])).tolist()))
     motion, *turns = [
         made([Keyframe(key) for key in keys], LIMITS["arm"]) for keys in (q, q[:2], q[1:])
     ]
