@@ -145,7 +145,7 @@ static void see_records(const even_t *asked, index_t first, index_t last, index_
         take_phases(block, false, &scratch->sight);
         note_differences(block, 0, with_axes, true, &scratch->sight, &found->of);
         if (asked->moves.n)
-            take_moves(block, 0, &found->of);
+            take_moves(block, asked->period, 0, &found->of);
     }
 }
 
@@ -162,8 +162,15 @@ static double excess_of(const even_t *asked, const largest_t *found) {
     double turn = fmax(shares[3], shares[0] / asked->tolerance);
     double bend = fmax(asked->more[0] * shares[4], shares[1] / asked->tolerance);
     double twist = fmax(asked->more[1] * shares[5], shares[2] / asked->tolerance);
-    double moved = fmax(sqrt(found->of.moved[0]) / period / asked->move_limits.v[0],
-                        sqrt(sqrt(found->of.moved[1]) / (period * period) / asked->move_limits.v[1]));
+    double moves[2];
+    unit = 1.0;
+    for (index_t order = 0; order < 2; order++) {
+        unit *= period;
+        double most = fmax(found->of.moved_on_records[order],
+                           found->of.moved[order] / (asked->tolerance * asked->tolerance));
+        moves[order] = sqrt(most) / unit / asked->move_limits.v[order];
+    }
+    double moved = fmax(moves[0], sqrt(moves[1]));
     double factor = fmax(fmax(turn, sqrt(bend)), asked->step > 0.0 ? sqrt(twist) : cbrt(twist));
     return fmax(factor, moved);
 }
