@@ -66,7 +66,7 @@ _STREAMING, _HOLDING = ServoState.STREAMING, ServoState.HOLDING
 _FEEDBACK, _WRITTEN, _FROM_REST, _ARRIVING = map(int, CycleFlag)
 
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
-_LETTING_GO = (Command.DISABLE, Command.FREE)
+_LETTING_GO = (Command.DISABLE, Command.FREE, Command.RESET)
 
 MOST_COUNTED = 2**32 - 1
 """Largest count of overruns or missed deadlines that a cycle record has space for."""
@@ -225,8 +225,9 @@ class Servo:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the end was requested and nothing moves any more."""
-        return bool(self.ending) and not self.is_moving
+        """Whether the end was requested and the device stands."""
+        setpoints = self.setpoints
+        return bool(self.ending) and not (setpoints.is_moving or setpoints.is_coming_to_rest)
 
     def request_orderly_end(self, reason: str) -> None:
         """End as the daemon requested, unless the daemon is gone: then the device holds."""

@@ -119,7 +119,7 @@ class SetpointGenerator:
         """Whether the last setpoint ended a motion, and still differs from the one before."""
         guard = self._guard
         has_stood = guard.omega == guard.velocity == ZERO and not any(guard.joint_rates)
-        return self.state is ServoState.HOLDING and not has_stood
+        return not (self.is_moving or has_stood)
 
     def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
         """Return the setpoint of the cycle with deadline *deadline_ns* that runs at *now_ns*."""

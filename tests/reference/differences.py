@@ -10,7 +10,7 @@ from orientd import kernels
 from orientd.model.limits import Limits
 from orientd.planner import HISTORY
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
-from orientd.planner.certify.measuring import limit_table
+from orientd.planner.certify.measuring import STATE, limit_table
 from orientd.rotation import Floats, conjugate, log, multiply
 
 
@@ -53,7 +53,7 @@ def certified(
         period: s.
         brake_limits: for a certificate.
     """
-    rows = np.zeros((len(q), 13))
+    rows = np.zeros((len(q), STATE))
     rows[:, 4:10] = np.nan
     rows[:, : q.shape[1]] = q
     known = HISTORY * past
@@ -61,7 +61,7 @@ def certified(
         table = np.full((3, 4), 1e300 if with_axes else np.inf)
     else:
         table = limit_table(brake_limits)
-    found = np.empty(44)
+    found = np.empty(46)
     kernels.certify(
         *(np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 18)), np.zeros(3)),
         *(rows[known:], rows[:known], len(rows) - known, 0, False, False, period, table),

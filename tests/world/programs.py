@@ -17,7 +17,9 @@ import signal
 import subprocess
 import sys
 import threading
+import weakref
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 from processes import Process
@@ -28,6 +30,7 @@ from orientd.cli import interrupts, start
 from orientd.cli.commands import track
 from orientd.daemon import log, server
 from orientd.daemon.access import claim
+from orientd.stream.memory import SharedMemory
 
 COMMAND = [sys.executable, "-m", "orientd"]
 
@@ -45,6 +48,7 @@ _SHARED = [
 
 _REAL = {name: getattr(os, name) for name in ("read", "write", "chdir", "getcwd")}
 _OPEN, _WRITER, _LOCK, _POPEN = open, log.writer, claim._lock, subprocess.Popen
+_FINALIZE, _MAP = weakref.finalize, SharedMemory.__init__
 
 
 class Own:
@@ -250,6 +254,24 @@ def of_programs(world):
         world.present().at_end(unlock)
         return descriptor
 
+    def finalized(held, work, *given, **options):
+        """Close a descriptor that goes with its holder, which a killed process never lets go."""
+        finalizer, present = _FINALIZE(held, work, *given, **options), world.present()
+        if work is os.close and present is not None:
+            present.at_end(finalizer)
+        return finalizer
+
+    def mapped(memory, *given, **options):
+        _MAP(memory, *given, **options)
+        if (present := world.present()) is not None:
+            present.at_end(memory.close)
+
+    def pipe():
+        ends = os.pipe()
+        if (present := world.present()) is not None:
+            present.at_end(lambda: [os.close(end) for end in ends])
+        return ends
+
     def log_writer(descriptor):
         pipe = world.pipes.get(descriptor)
         if pipe is None:
@@ -265,6 +287,9 @@ def of_programs(world):
         (signal, "set_wakeup_fd", lambda *_, **__: -1),
         (start, "signal", signal),
         (interrupts, "_wake", lambda *_: None),
+        (interrupts, "os", SimpleNamespace(pipe=pipe, set_blocking=os.set_blocking)),
+        (weakref, "finalize", finalized),
+        (SharedMemory, "__init__", mapped),
         (_thread, "interrupt_main", interrupt_main),
         (_thread, "start_new_thread", begin_thread),
         (asyncio.events, "new_event_loop", new_loop),

@@ -156,8 +156,8 @@ class Device:
         self._resetting = threading.Lock()
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
-        # Motions come and go in one step each, in any thread.
-        self._unfinished: set[QueuedMotion] = set()
+        # Motions come and go in one step each, in any thread; they keep their order.
+        self._unfinished: dict[QueuedMotion, None] = {}
         self._timed: deque[QueuedMotion] = deque(maxlen=_TIMED)
         self._number = 0
         self._lead_cycles = round(settings.lead * settings.rate_hz)
@@ -228,7 +228,7 @@ class Device:
         """
         self._take_stops()
         queued = QueuedMotion(options=options)
-        self._unfinished.add(queued)
+        self._unfinished[queued] = None
         try:
             yield queued
         except asyncio.CancelledError:
@@ -237,7 +237,7 @@ class Device:
             self.workers.stops.submit(self.abandon, queued, GONE)
             raise
         except BaseException:
-            self._unfinished.discard(queued)
+            self._unfinished.pop(queued, None)
             raise
 
     async def move(self, queued: QueuedMotion, call: PlanCall, *, token: str = "") -> None:
@@ -314,7 +314,8 @@ class Device:
 
     def _note_begun(self, queued: QueuedMotion, lease: Lease | None, text: str) -> None:
         """Report that a motion has begun; stop it if a client stopped the device meanwhile."""
-        self._unfinished.add(queued)  # its caller may have gone away, and it was no longer awaited
+        # Its caller may have gone away, and it was no longer awaited.
+        self._unfinished[queued] = None
         queued.begun_ns = time.monotonic_ns()
         if queued.options.start_ns != UNKNOWN:
             self._timed.append(queued)
@@ -324,7 +325,7 @@ class Device:
             self._servo.brake()
 
     def unfinished(self) -> list[QueuedMotion]:
-        """Return the motions that have not ended, those included that are yet to begin."""
+        """Return the motions that have not ended, in their order, also those yet to begin."""
         return list(self._unfinished)
 
     def find(self, number: int) -> QueuedMotion | None:
@@ -409,7 +410,7 @@ class Device:
         # If it begins at this moment, its thread finds the reason and stops it.
         queued.reason = queued.reason or reason
         if not queued.begun_ns:
-            self._unfinished.discard(queued)
+            self._unfinished.pop(queued, None)
         elif self._queue.present is queued or not self._withdraw(queued, reason):
             self._stop([one for one in self.unfinished() if one.begun_ns], reason)
 
@@ -636,7 +637,7 @@ class Device:
         return pb.OUTCOME_STOPPED, f"{text}: {reason}"
 
     def _conclude(self, queued: QueuedMotion, ended: Ended) -> None:
-        self._unfinished.discard(queued)
+        self._unfinished.pop(queued, None)
         if not queued.ended.done():
             queued.ended.set_result(ended)
             self.last_ended = queued

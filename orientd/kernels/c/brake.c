@@ -205,22 +205,84 @@ void brake(const block_t *block, const sight_t *sight, double period, const meas
     }
 }
 
+/* Return the largest acceleration of the position at a record, of the periods before and after it;
+ * an unknown one counts as zero. */
+static double push_at(const block_t *block, double period, index_t i) {
+    vec_t speed = at_row(block, MOVING, i);
+    double largest = 0.0;
+    for (index_t k = i - 1; k <= i; k++) {
+        vec_t way = move_at(block, POSITION, k, 0);
+        vec_t speeds = plus(times(2.0, speed), at_row(block, MOVING, k < i ? k : k + 1));
+        double push = norm(minus(times(3.0 / period, way), speeds));
+        largest = isnan(push) ? largest : larger(largest, 2.0 / period * push);
+    }
+    return largest;
+}
+
+/* Speed, acceleration and their product over the phases of a period. */
+typedef struct { double speed, size, along; } rates_t;
+
+/* Take in the bounds of a first and a second difference, both cubics of the phase. */
+static void take_cubics(const cubic_t *way, const cubic_t *change, double period, int halvings,
+                        rates_t *to) {
+    if (halvings) {
+        cubic_t ways[2], changes[2];
+        halve(way, ways, ways + 1), halve(change, changes, changes + 1);
+        for (int k = 0; k < 2; k++)
+            take_cubics(ways + k, changes + k, period, halvings - 1, to);
+        return;
+    }
+    for (int k = 0; k < 4; k++) {
+        vec_t a = times(1.0 / (period * period), change->at[k]);
+        /* The velocity at the setpoint between two differences is the mean of both. */
+        vec_t v = minus(times(1.0 / period, way->at[k]), times(0.5 * period, a));
+        to->speed = larger(to->speed, norm(v)), to->size = larger(to->size, norm(a));
+        to->along = larger(to->along, fabs(dot(v, a)));
+    }
+}
+
+/* Return what counts of the position up to the differences that end at the setpoint after one.
+ *
+ * begin: the first of these.
+ * limit: of the acceleration. */
+static rates_t rates_at(const block_t *block, double period, index_t i, index_t begin,
+                          int halvings, double limit) {
+    cubic_t way, change;
+    rates_t rates = {0.0, 0.0, 0.0};
+    if (i == begin || !put_cubic(block, period, i, 0, &way)
+        || !put_cubic(block, period, i, 1, &change)) {
+        vec_t first = move_at(block, POSITION, i, 0), second = move_at(block, POSITION, i, 1);
+        way = (cubic_t){{first, first, first, first}};
+        change = (cubic_t){{second, second, second, second}};
+        halvings = 0;
+    }
+    take_cubics(&way, &change, period, halvings, &rates);
+    for (index_t k = most(i - 1, 1); k <= i + 1 && k + 1 < block->count; k++)
+        rates.size = larger(rates.size, smaller(push_at(block, period, k), LOCAL * limit));
+    return rates;
+}
+
 void brake_moves(const block_t *block, double period, index_t past, const measure_t *how,
                  extremes_t *found) {
     lane_t rows[5] = {{0.0}};
-    index_t points = 0;
-    for (index_t i = 1 + past; i + 1 < block->count; i++, points++) {
-        double speed = 0.0, size = 0.0, along = 0.0;
-        for (index_t axis = 0; axis < 3; axis++) {
-            const double *at = block->rows[POSITION + axis] + i;
-            double v = (at[1] - at[0]) / period;
-            double a = (at[1] - at[0] - (at[0] - at[-1])) / (period * period);
-            speed += v * v, size += a * a, along += v * a;
-        }
-        rows[0][points] = sqrt(speed), rows[1][points] = sqrt(size), rows[2][points] = fabs(along);
+    index_t begin = 1 + past, points = most(block->count - 1 - begin, 0), nearest = 0;
+    points_t all = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
+    double limit = how->tolerance * how->move_limits.v[1];
+    for (index_t k = 0; k < points; k++) {
+        rates_t coarse = rates_at(block, period, begin + k, begin, 0, limit);
+        rows[0][k] = coarse.speed, rows[1][k] = coarse.size, rows[2][k] = coarse.along;
     }
-    points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
-    if (points)
-        note_rate(at, how->tolerance * how->move_limits.v[1], INFINITY, how->law,
-                  block->first + 2 + past, found);
+    put_bounds(all, limit, how->law.worst);
+    for (index_t k = 1; k < points; k++)
+        nearest = all.bound[k] < all.bound[nearest] ? k : nearest;
+    /* The point nearest to its limit first: the coarse bounds of most others rule them out then. */
+    for (index_t turn = points ? -1 : 0; turn < points; turn++) {
+        index_t k = turn < 0 ? nearest : turn;
+        if (!is_at_risk(all, k, found->rate, INFINITY, how->law.most_change))
+            continue;
+        rates_t close = rates_at(block, period, begin + k, begin, HALVINGS, limit);
+        double no_jerk = 0.0, bound;
+        points_t at = {&close.speed, &close.size, &close.along, &no_jerk, &bound, 1};
+        note_rate(at, limit, INFINITY, how->law, block->first + 1 + begin + k, found);
+    }
 }

@@ -28,9 +28,16 @@ void begin_sight(sight_t *sight, index_t boxes) {
     sight->unproven = 0, sight->boxes = boxes;
 }
 
-/* Take the rates from a setpoint. */
+/* Take the rates of the turn from a setpoint. */
 static void stop_at(block_t *block, index_t i) {
     for (index_t row = 4; row < POSITION; row++)
+        block->rows[row][i] = 0.0;
+}
+
+/* Take all rates from a setpoint. */
+static void hold_at(block_t *block, index_t i) {
+    stop_at(block, i);
+    for (index_t row = MOVING; row < STATE_ROWS; row++)
         block->rows[row][i] = 0.0;
 }
 
@@ -53,17 +60,19 @@ static void sample_block(const setpoints_t *from, index_t first, index_t begin, 
     }
     for (index_t i = 0; i < count && from->rests[0] && times[i] <= start; i++)
         stop_at(block, begin + i);
-    for (index_t i = count - 1; i >= 0 && from->rests[1] && times[i] >= stop - AT_REST; i--)
-        stop_at(block, begin + i);
     for (index_t axis = 0; axis < 3; axis++)
         for (index_t i = begin; i < end; i++)
-            block->rows[POSITION + axis][i] = from->place.v[axis];
+            block->rows[POSITION + axis][i] = from->place.v[axis], block->rows[MOVING + axis][i] = 0.0;
     for (index_t i = 0; i < count && from->moves.n; i++) {
-        double place[3];
-        put_move(from->move_breaks, from->moves, times[i], (move_t){place, NULL, NULL});
-        for (index_t axis = 0; axis < 3; axis++)
+        double place[3], speed[3];
+        put_move(from->move_breaks, from->moves, times[i], (move_t){place, speed, NULL});
+        for (index_t axis = 0; axis < 3; axis++) {
             block->rows[POSITION + axis][begin + i] = place[axis];
+            block->rows[MOVING + axis][begin + i] = rate * speed[axis];
+        }
     }
+    for (index_t i = count - 1; i >= 0 && from->rests[1] && times[i] >= stop - AT_REST; i--)
+        hold_at(block, begin + i);
 }
 
 index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
@@ -86,7 +95,7 @@ index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
         sample_block(from, from->first + record, at, stop, block);
     /* The setpoints after the last one hold it, so their rates are zero. */
     for (index_t i = most(at, at + from->count - record); i < stop; i++)
-        stop_at(block, i);
+        hold_at(block, i);
     block->count = stop;
     block->unknown = stop;
     while (block->unknown > 0 && !isnan(block->rows[4][block->unknown - 1]))
@@ -94,23 +103,33 @@ index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
     return end;
 }
 
-void take_moves(const block_t *block, index_t past, extremes_t *found) {
-    double before[3] = {0.0};
-    for (index_t i = 0; i + 1 < block->count; i++) {
-        double size = 0.0, change = 0.0;
-        for (index_t axis = 0; axis < 3; axis++) {
-            const double *at = block->rows[POSITION + axis] + i;
-            double way = at[1] - at[0];
-            size += way * way, change += (way - before[axis]) * (way - before[axis]);
-            before[axis] = way;
-        }
-        double sizes[2] = {size, change};
-        for (index_t order = 0; order < 2; order++)
+/* Return the square of a bound of a cubic, or of one up to which a bound need not be closer. */
+static double bound_of(const cubic_t *cubic, int halvings, double enough) {
+    double bound = 0.0;
+    for (int k = 0; k < 4; k++)
+        bound = larger(bound, dot(cubic->at[k], cubic->at[k]));
+    if (bound <= enough || !halvings)
+        return bound;
+    cubic_t one, other;
+    halve(cubic, &one, &other);
+    return larger(bound_of(&one, halvings - 1, enough), bound_of(&other, halvings - 1, enough));
+}
+
+void take_moves(const block_t *block, double period, index_t past, extremes_t *found) {
+    for (index_t order = 0; order < 2; order++) {
+        index_t first = order ? 1 + past : 2 * past;
+        for (index_t i = first; i + 1 < block->count; i++) {
+            vec_t way = move_at(block, POSITION, i, order);
+            double size = dot(way, way);
+            cubic_t cubic;
+            note(norm(way), found->moved_on_records + order);
+            if (i > first && put_cubic(block, period, i, order, &cubic))
+                size = larger(size, bound_of(&cubic, HALVINGS, found->moved[order]));
             /* NaN counts as the largest value and is never replaced. */
-            if (i >= (order ? 1 + past : 2 * past) && !(sizes[order] <= found->moved[order])
-                && found->moved[order] < INFINITY)
-                found->moved[order] = sizes[order],
+            if (!(size <= found->moved[order]) && found->moved[order] < INFINITY)
+                found->moved[order] = size,
                 found->move_places[order] = (double)(block->first + i + 1);
+        }
     }
 }
 
@@ -214,7 +233,7 @@ static int prove_all(certifying_t *at) {
         else
             left[count++] = outline;
         if (moves) {
-            take_moves(&at->block, past, at->found);
+            take_moves(&at->block, from->period, past, at->found);
             brake_moves(&at->block, from->period, past, at->how, at->found);
         }
         take_stops(&at->block, known, at->how, at->found);
@@ -257,7 +276,7 @@ int certify(const setpoints_t *from, const measure_t *how, extremes_t *found) {
             take_phases(&at->block, false, &at->sight);
             note_differences(&at->block, past, at->with_axes, true, &at->sight, found);
             if (is_moving(from))
-                take_moves(&at->block, past, found);
+                take_moves(&at->block, from->period, past, found);
         }
     found->unproven = (double)at->sight.unproven;
     double speed = sqrt(found->moved[0]) / from->period / how->move_limits.v[1];

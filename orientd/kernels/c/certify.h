@@ -8,8 +8,8 @@
 /* Setpoints before the first that a third difference reaches back to. */
 enum { HISTORY = 3 };
 
-/* Numbers of a state: orientation, angular velocity and acceleration, position. */
-enum { STATE_ROWS = 13, POSITION = 10 };
+/* Numbers of a state: orientation, angular velocity and acceleration, position and its velocity. */
+enum { STATE_ROWS = 16, POSITION = 10, MOVING = 13 };
 
 /* Most parts of a period, and the longest reach. */
 enum { MOST_PARTS = 1000 };
@@ -47,10 +47,11 @@ typedef struct {
  * the record at which the difference ends. */
 typedef struct {
     double squares[24], places[12];
-    double moved[2], move_places[2];  /* the same of the position's first and second differences */
+    double moved[2], move_places[2];  /* bounds of the position's differences at the rate 1 */
     double rate, rate_place;          /* the least brake rate, 1/s, and the record that sets it */
     double stop_time;                 /* of the place from which a stop takes longest, s */
     double unproven;                  /* places without a proof */
+    double moved_on_records[2];       /* the position's differences on the records alone */
 } extremes_t;
 
 enum { EXTREMES = sizeof(extremes_t) / sizeof(double) };

@@ -165,8 +165,51 @@ double crude_bound(const sight_t *sight, index_t order, int column);
 void prove(const block_t *block, index_t past, index_t order, int column, sight_t *sight,
            extremes_t *found);
 
-/* Note the largest differences of the position. */
-void take_moves(const block_t *block, index_t past, extremes_t *found);
+/* Note bounds of the differences of the position at the rate 1, at any phase. */
+void take_moves(const block_t *block, double period, index_t past, extremes_t *found);
+
+INLINE vec_t at_row(const block_t *block, index_t row, index_t i) {
+    return vec(block->rows[row][i], block->rows[row + 1][i], block->rows[row + 2][i]);
+}
+
+/* Return the difference of three rows that ends at the setpoint after one: 0 for the first
+ * difference, 1 for the second. */
+INLINE vec_t move_at(const block_t *block, index_t row, index_t i, index_t order) {
+    vec_t way = minus(at_row(block, row, i + 1), at_row(block, row, i));
+    return order ? minus(way, minus(at_row(block, row, i), at_row(block, row, i - 1))) : way;
+}
+
+/* Bernstein coefficients of a difference of the position over the phases of a period.
+ *
+ * Between two records the position is the cubic with the velocities of both.  So a difference at
+ * the rate 1 is a cubic of the phase, too, whose slope is the same difference of the velocity. */
+typedef struct { vec_t at[4]; } cubic_t;
+
+/* Write the difference over the period before that which ends at the setpoint after one.  Return
+ * whether it is known: a record may have no velocity. */
+INLINE bool put_cubic(const block_t *block, double period, index_t i, index_t order, cubic_t *to) {
+    vec_t begin = move_at(block, POSITION, i - 1, order);
+    vec_t end = move_at(block, POSITION, i, order);
+    vec_t leave = times(period / 3.0, move_at(block, MOVING, i - 1, order));
+    vec_t arrive = times(period / 3.0, move_at(block, MOVING, i, order));
+    *to = (cubic_t){{begin, plus(begin, leave), minus(end, arrive), end}};
+    return !isnan(leave.x + leave.y + leave.z + arrive.x + arrive.y + arrive.z);
+}
+
+/* How often a period is halved for a bound.  The coefficients of its parts are at most a 64th of
+ * what those of the whole period are off. */
+enum { HALVINGS = 3 };
+
+/* Write the coefficients of both halves of a cubic, by de Casteljau's algorithm. */
+INLINE void halve(const cubic_t *cubic, cubic_t *one, cubic_t *other) {
+    const vec_t *c = cubic->at;
+    vec_t first = times(0.5, plus(c[0], c[1])), last = times(0.5, plus(c[2], c[3]));
+    vec_t top = times(0.5, plus(c[1], c[2]));
+    vec_t before = times(0.5, plus(first, top)), behind = times(0.5, plus(top, last));
+    vec_t middle = times(0.5, plus(before, behind));
+    *one = (cubic_t){{c[0], first, before, middle}};
+    *other = (cubic_t){{middle, behind, last, c[3]}};
+}
 
 /* Return whether a component is limited by itself. */
 bool has_axes(matrix_t limits);
@@ -180,7 +223,7 @@ bool is_risky(const double bounds[12], double period, const measure_t *how, doub
 void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,
            extremes_t *found);
 
-/* The same for the position. */
+/* The same for the position, whose differences have no third order. */
 void brake_moves(const block_t *block, double period, index_t past, const measure_t *how,
                  extremes_t *found);
 

@@ -24,7 +24,8 @@ keeps a reserve *r* below *A*.  Without a reserve the motion cannot brake.
 
 At full speed the device's differences average the acceleration over a period, at a lower speed over
 less.  So the acceleration at the records counts too, up to 95 % of the limit: a path that a
-device's axes have shaped may change it from record to record.
+device's axes have shaped may change it from record to record.  The same holds for the position,
+whose acceleration no jerk limits: it may change from record to record on any path.
 
 If the joints of the device are planned, each of them obeys the first inequality with its own
 velocity, acceleration and limit (:mod:`orientd.planner.certify.joints`).

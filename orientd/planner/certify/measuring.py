@@ -19,11 +19,15 @@ These are *sampled* only, at the records and three phases between them, at most 
 apart:
 
 - periods in which the path turns by more than 0.5 rad, which the certificate notes;
-- the values that set the brake rate;
-- all values of a plan without a certificate.
+- the angular values that set the brake rate;
+- all angular values of a plan without a certificate.
 
-Positions, and differences that reach back to records with an orientation only, are checked on the
-records alone.
+Between two records the position is a cubic, so at the rate 1 its differences are cubics of the
+phase.  Their bounds, and the values of the position that set the brake rate, are those of their
+Bernstein coefficients.  At a lower rate the differences are not bounded again.  They fall with the
+rate and its square, unless the acceleration reverses twice within two periods.
+
+Differences that reach back to records without rates are checked on the records alone.
 """
 
 from __future__ import annotations
@@ -42,10 +46,10 @@ from orientd.planner.facts import HISTORY
 from orientd.planner.path import Path
 from orientd.rotation import Floats
 
-STATE = 13
-"""Numbers of a setpoint: orientation, angular velocity and acceleration, position."""
+STATE = 16
+"""Numbers of a setpoint: orientation, angular velocity and acceleration, position, velocity."""
 
-_EXTREMES = 44  # numbers of ``extremes_t`` in ``kernels/c/certify.h``
+_EXTREMES = 46  # numbers of ``extremes_t`` in ``kernels/c/certify.h``
 _NO_ROWS: Floats = np.empty((0, STATE))
 _NO_PATH = np.empty(0), np.empty((0, 0))
 _STILL = np.empty(0), np.empty((0, 18))
@@ -132,8 +136,8 @@ def measure(
 
     Args:
         path: a path that gives the records at multiples of the period; or records, shape ``(n,
-            13)``: orientations, angular velocities and accelerations, NaN if unknown, and
-            positions.
+            16)``: orientations, angular velocities and accelerations, positions and velocities;
+            rates are NaN if unknown.
         count: number of records.
         period: time between them, s.
         limits: the limits of the peaks.
@@ -167,9 +171,11 @@ def measure(
 def _states(q: Floats, positions: Floats) -> Floats:
     """Return setpoints before a path, with rates if the device held there."""
     states: Floats = np.zeros((len(q), STATE))
-    states[:, :4], states[:, 10:] = q, positions
+    states[:, :4], states[:, 10:13] = q, positions
     if not (q == q[:1]).all():
         states[:, 4:10] = np.nan
+    if not (positions == positions[:1]).all():
+        states[:, 13:] = np.nan
     return states
 
 
@@ -191,11 +197,11 @@ def _named(found: list[float], period: float, limits: Limits) -> Peaks:
         ]
 
     def linear(order: int, limit: float) -> Peak:
-        value = math.sqrt(found[36 + order]) / units[order]
-        return Peak(value, found[38 + order] * period, limit)
+        value, on_records = (math.sqrt(found[k + order]) / units[order] for k in (36, 44))
+        return Peak(value, found[38 + order] * period, limit, on_records)
 
     (velocity, *spins), (acceleration, *bends), (jerk, *twists) = map(turns, range(3))
-    rate, record, stop_time, unproven = found[40:]
+    rate, record, stop_time, unproven = found[40:44]
     return Peaks(
         velocity=velocity,
         acceleration=acceleration,

@@ -1,6 +1,7 @@
 """The devices: who may command which device, and what becomes of the motions."""
 
 import asyncio
+import contextlib
 import threading
 import time
 from dataclasses import replace
@@ -278,6 +279,14 @@ def test_a_motion_that_is_yet_to_begin_outlives_the_one_that_it_replaces(devices
         arm.stop("stopped by ben")
         assert second.reason == "stopped by ben"
     assert ended(arm, first) == (pb.OUTCOME_STOPPED, "gone")
+
+
+def test_motions_that_have_not_ended_keep_their_order(arm):
+    with contextlib.ExitStack() as stack:
+        expected = [stack.enter_context(arm.expecting()) for _ in range(20)]
+        assert arm.unfinished() == expected
+        for queued in expected:
+            arm.abandon(queued, "over")
 
 
 def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):

@@ -4,6 +4,7 @@ from planned import LIMITS, PERIOD, differences, random_motions
 
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
+from orientd.planner.recorded import STATE_FLOATS, states_at
 from orientd.rotation import conjugate, exp, log, multiply
 from orientd.servo.path.time_scaling import TimeScaling
 
@@ -138,6 +139,32 @@ def test_stops_at_random_points_keep_the_limits_of_the_guard(name, method, count
         p = np.concatenate([samples.position[:1], samples.position, samples.position[-1:]])
         push = np.linalg.norm(np.diff(p, n=2, axis=0), axis=1) / PERIOD**2
         assert push.max() <= limits.linear_acceleration * 1.001
+
+
+def along_records(motion, path_times):
+    """Return positions as the servo sends them: between two records it follows a cubic."""
+    rows = np.ascontiguousarray(motion.rows(0, motion.record_count)[:, :STATE_FLOATS])
+    return states_at(rows, path_times / motion.period, motion.period)[:, 10:13]
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_stops_keep_the_limit_of_a_position_between_two_records(seed):
+    random, limits = np.random.default_rng(seed), Limits(2.0, 8.0, 200.0, 0.5, 2.0)
+    start, largest = State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 0.0
+    for _ in range(30):
+        turns, places = random.normal(size=(2, random.choice((1, 2, 4)), 3))
+        keyframes = [
+            Keyframe(tuple(q), position=tuple(place))
+            for q, place in zip(exp(0.3 * turns).tolist(), (0.3 * places).tolist(), strict=True)
+        ]
+        request = MotionRequest(keyframes, approach=True)
+        motion = plan(request, start=start, limits=limits, period=0.02)
+        for _ in range(10):
+            p = along_records(motion, drive(motion, random))
+            p = np.concatenate([p[:1], p, p[-1:]])
+            push = np.linalg.norm(np.diff(p, n=2, axis=0), axis=1) / motion.period**2
+            largest = max(largest, push.max())
+    assert 0.99 * limits.linear_acceleration < largest <= 1.001 * limits.linear_acceleration
 
 
 @pytest.mark.parametrize("jerk", [8500.0, 300.0])

@@ -7,7 +7,8 @@ from planned import rotations
 from orientd.floats import difference
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
-from orientd.planner.certify.measuring import measure
+from orientd.planner.certify.measuring import STATE, measure
+from orientd.planner.recorded import STATE_FLOATS, states_at
 from orientd.rotation import conjugate, exp, log, multiply
 
 H = 0.004
@@ -26,9 +27,9 @@ def walk(count=300, seed=1):
     return np.array(q), np.cumsum(omega, axis=0) * H * 0.1
 
 
-def look(q, p, limits=DEFAULT_LIMITS, **changes):
-    rows = np.full((len(q), 13), np.nan)
-    rows[:, : q.shape[1]], rows[:, 10:] = q, p
+def look(q, p, limits=DEFAULT_LIMITS, velocity=np.nan, **changes):
+    rows = np.full((len(q), STATE), np.nan)
+    rows[:, : q.shape[1]], rows[:, 10:13], rows[:, 13:] = q, p, velocity
     before = np.repeat(q[:1, :4], 3, axis=0), np.repeat(p[:1], 3, axis=0)
     return measure(rows, len(q), H, limits, **{"before": before, **changes})
 
@@ -72,6 +73,29 @@ def test_linear_peaks_are_those_of_the_position_with_their_times(count):
     assert peaks.linear_velocity.time == pytest.approx(v.argmax() * H)
     assert peaks.linear_acceleration.value == pytest.approx(a.max())
     assert peaks.linear_acceleration.time == pytest.approx((a.argmax() + 1) * H)
+
+
+def test_linear_peaks_hold_at_every_phase_of_the_setpoints():
+    q, p = walk()
+    velocity = np.gradient(p, H, axis=0)
+    # A push within a period, and one that ends there.
+    velocity[100:200] += [0.05, 0.0, 0.0]
+    p[100:] += np.minimum(np.arange(200) + 0.3, 100.0)[:, None] * [0.05 * H, 0.0, 0.0]
+    peaks = look(q, p, velocity=velocity)
+    rows = np.zeros((len(q), STATE_FLOATS))
+    rows[:, :4], rows[:, 10:13], rows[:, 13:16] = q[0], p, velocity
+    rows[-1, 13:16] = 0.0
+    parts = 32
+    fine = states_at(rows, np.arange((len(q) - 1) * parts + 1) / parts, H)[:, 10:13]
+    held = np.repeat(fine[:1], parts, axis=0), fine, np.repeat(fine[-1:], parts, axis=0)
+    fine = np.concatenate(held)
+    first = (fine[parts:] - fine[:-parts]) / H
+    second = (first[parts:] - first[:-parts]) / H
+    for peak, rate in ((peaks.linear_velocity, first), (peaks.linear_acceleration, second)):
+        sizes = np.linalg.norm(rate, axis=1)
+        assert sizes.max() <= peak.value <= 1.002 * sizes.max()
+        assert peak.on_records == pytest.approx(sizes[::parts].max())
+        assert peak.on_records < peak.value
 
 
 def test_the_signs_of_quaternions_make_no_difference():
@@ -161,7 +185,8 @@ def test_the_brake_rate_is_that_of_the_position_where_that_is_the_least():
     places = np.concatenate([p[:1], p[:1], p, np.repeat(p[-1:], 3, axis=0)])
     v = np.diff(places, axis=0) / H
     a = np.diff(v, axis=0) / H
-    rate, place = brake_rate(v[1:], a, np.zeros(len(a)), most, np.inf)
+    # The velocity at a setpoint is the mean of the differences before and after it.
+    rate, place = brake_rate(0.5 * (v[1:] + v[:-1]), a, np.zeros(len(a)), most, np.inf)
     assert peaks.brake_rate == pytest.approx(rate, rel=1e-6)
     assert peaks.brake_rate < FASTEST_BRAKE_RATE
     assert peaks.brake_time == pytest.approx(place * H)

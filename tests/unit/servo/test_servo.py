@@ -33,17 +33,40 @@ def test_a_motion_as_planned_sends_exactly_its_records(rig):
     assert rig.cycle.q == tuple(path[0][-1])
 
 
-def test_a_device_is_let_go_once_two_setpoints_are_the_same(rig, monkeypatch):
+@pytest.fixture
+def let_go(rig, monkeypatch):
+    """Return a list of the last two orientations before each time that the device is let go."""
+    last = []
+    monkeypatch.setattr(rig.driver, "disable", lambda: last.append(rig.sent()[-2:]))
+    return last
+
+
+@pytest.mark.parametrize(
+    ("command", "fault"),
+    [(Command.DISABLE, Fault.NONE), (Command.RESET, Fault.DEVICE_FAULT)],
+    ids=["disable", "reset"],
+)
+def test_a_device_is_let_go_once_two_setpoints_are_the_same(rig, let_go, command, fault):
     rig.start(turn(duration=0.2, angle=0.02))
     rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
+    if fault:
+        rig.servo.setpoints.brake(fault, "tried")
     last = rig.sent()[-2:]
     assert np.any(last[0] != last[1])
-    let_go = []
-    monkeypatch.setattr(rig.servo._driver, "disable", lambda: let_go.append(rig.sent()[-2:]))
-    rig.ask(Command.DISABLE)
+    rig.ask(command)
     assert not let_go
     rig.run()
     assert rig.notes(NoteKind.ANSWER)[-1].code == Answer.DONE
+    (last,) = let_go
+    np.testing.assert_array_equal(last[0], last[1])
+
+
+def test_a_servo_that_ends_lets_its_device_go_once_two_setpoints_are_the_same(rig, let_go):
+    rig.start(turn(duration=0.2, angle=0.02))
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
+    rig.servo.request_end("tried")
+    rig.run_until(lambda servo: servo.has_ended)
+    rig.servo.close()
     (last,) = let_go
     np.testing.assert_array_equal(last[0], last[1])
 
