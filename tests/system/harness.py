@@ -154,6 +154,22 @@ def health(channel: grpc.Channel) -> SimpleNamespace:
     )
 
 
+def install_driver(site: Path, name: str, driver: str, text: str) -> None:
+    """Install a driver in a folder: its module and its entry point are called *name*.
+
+    Args:
+        site: the folder; it is made if need be.
+        name: of the driver.
+        driver: its class.
+        text: of the module.
+    """
+    entries = site / f"{name}-1.dist-info"
+    entries.mkdir(parents=True)
+    (entries / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
+    (entries / "entry_points.txt").write_text(f"[orientd.drivers]\n{name} = {name}:{driver}\n")
+    (site / f"{name}.py").write_text(text)
+
+
 class Lines:
     """The lines that a process prints on a stream, as they come."""
 

@@ -320,6 +320,22 @@ def test_devices_begin_together(tmp_path):
         assert summary.HasField("start_skew")
 
 
+def test_devices_begin_together_although_the_clock_is_set_between_their_requests(
+    tmp_path, monkeypatch
+):
+    with DaemonProcess(tmp_path / "daemon", others=["leg"]) as daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with orientd.connect(daemon.socket) as robot:
+            instant, unix_ns = time.time() + 2.0, time.time_ns
+            first = turn(robot, 0.4, device=DEVICE, start_time=instant)
+            # A daemon in virtual time shares this clock.
+            monkeypatch.setattr(time, "time_ns", lambda: unix_ns() - 300_000_000)
+            second = turn(robot, 0.4, device="leg", start_time=instant)
+            summaries = [handle.wait(20.0) for handle in (first, second)]
+    assert [summary.outcome for summary in summaries] == [pb.OUTCOME_DONE] * 2
+    assert summaries[1].HasField("start_skew")
+
+
 def test_a_motion_replaces_one_that_waits_for_its_start_time(daemon, robot):
     first = turn(robot, 0.4, start_time=time.time() + 400.0)
     after = turn(robot, 0.1, queue=True)

@@ -456,6 +456,26 @@ def test_a_device_that_is_always_too_quick_is_said_to_be(devices, arm, servo):
         move(arm, devices.leases.acquire("ana").token)
 
 
+def test_a_motion_is_planned_again_if_a_queued_one_begins_meanwhile(
+    devices, arm, servo, planners, monkeypatch
+):
+    token = devices.leases.acquire("ana").token
+    order = order_of(replace(MOTION, approach=True))
+    first = begin(devices, arm, token)
+    servo.refusals.append(LateError("the path has passed record 3"))
+    second = move(arm, token, order, MoveOptions(is_queued=True))
+    servo.finish()
+
+    async def look():
+        tend(arm)
+
+    while_planned(monkeypatch, planners, look)
+    third = move(arm, token, order)
+    assert third.attempts == 2
+    assert ended(arm, first)[0] == pb.OUTCOME_DONE
+    assert ended(arm, second)[0] == pb.OUTCOME_REPLACED
+
+
 def test_a_device_knows_when_motions_with_a_start_time_began(devices, arm, servo):
     start_ns = time.monotonic_ns() + 10 * SECOND
     run = move(arm, devices.leases.acquire("ana").token, options=MoveOptions(start_ns=start_ns))

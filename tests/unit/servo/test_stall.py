@@ -150,6 +150,30 @@ def test_following_goes_on_from_rest_to_the_same_target():
     assert rotation.angle(rig.sent()[-1], rotation.exp([0.0, 0.9, 0.0])) < 1e-9
 
 
+def fall_silent(rig):
+    """Let no feedback come any more."""
+    rig.driver.read = lambda: None
+
+
+def test_several_stalls_in_a_row_are_no_silence_of_the_device():
+    rig, _ = moving(feedback_ns=100_000_000)
+    fall_silent(rig)
+    for _ in range(4):
+        rig.stall(70)
+    assert (rig.cycle.state, rig.cycle.fault) == (ServoState.STREAMING, Fault.NONE)
+
+
+def test_an_earlier_stall_does_not_excuse_a_silence_of_the_device():
+    rig, _ = moving(feedback_ns=100_000_000)
+    rig.stall(400)
+    rig.run(200)
+    fall_silent(rig)
+    rig.stall(70)
+    assert rig.run(45).fault == Fault.NONE
+    rig.run(200)
+    assert rig.servo.setpoints.fault is Fault.FEEDBACK_STALE
+
+
 @pytest.mark.parametrize("state", ["idle", "holding"])
 def test_stall_at_rest_is_none_of_anybodys_business(state):
     rig = Rig()
