@@ -3,10 +3,11 @@
 import json
 import os
 import signal
+import time
 
 import pytest
 from command_line import assert_refused, begin, environment, inside, orientd
-from harness import DEVICE, DaemonProcess, until
+from harness import DEVICE, DaemonProcess, children, nudge, until
 
 import orientd as package
 from orientd.errors import LeaseError
@@ -113,3 +114,16 @@ def test_a_queued_move_that_ends_early_leaves_the_holders_motion_alone(
         assert f"(user:{os.getuid()})" in errors.partition("stopped by")[2]
     else:
         ana.seize_lease("whoever shared it was killed")
+
+
+def test_a_lease_that_a_move_takes_has_its_full_time_when_the_motion_begins(tmp_path):
+    daemon = DaemonProcess(tmp_path, lease=2.0)
+    daemon.config.write_text(f"{daemon.config.read_text()}[planner]\nprocesses = 1\n")
+    with daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        (planner,) = children(daemon.process.pid) - {daemon.device().servo_pid}
+        os.kill(planner, signal.SIGSTOP)
+        stream = daemon.stub.Move(pb.MoveRequest(motion=nudge(0.1), holder="ana"))
+        time.sleep(3.0)
+        os.kill(planner, signal.SIGCONT)
+        assert 1.0 < next(iter(stream)).started.lease.seconds <= 2.0

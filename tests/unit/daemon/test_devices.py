@@ -167,6 +167,16 @@ def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(devices, arm, c
     assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
 
 
+def test_a_seized_device_whose_servo_did_not_answer_is_stopped_once_it_does(devices, arm, servo):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
+    servo.is_dead = True
+    devices.leases.seize("ben", "", "an emergency", devices=["arm"])
+    settle(arm)
+    servo.is_dead = False
+    asyncio.run(devices.end_unowned(["arm"]))
+    assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
+
+
 def test_one_dead_servo_does_not_keep_the_others_from_stopping(devices, servo):
     servo.is_dead = True
     reason = r"no servo of arm answers the stop: .* did not answer stop.*; told to stop: leg"

@@ -92,13 +92,19 @@ def test_motion_does_not_go_on_by_itself_after_a_long_stall(what):
     )
 
 
-def test_after_a_long_stall_a_reset_makes_the_way_free():
+@pytest.mark.parametrize("what", ["path", "targets"])
+def test_after_a_long_stall_a_reset_makes_the_way_free(what):
     rig, _ = moving()
+    if what == "targets":
+        follow(rig, [0.0, 0.9, 0.0])
+        rig.run(60)
     rig.stall(600)
     assert rig.ask(Command.RESET)[0] is Answer.DONE
-    rig.start(tuple(_anew(rig)))
+    path = _anew(rig)
+    rig.start(path)
     rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert rig.cycle.fault == Fault.NONE
+    assert rig.cycle.q == tuple(path[0][-1])
 
 
 def _anew(rig):
