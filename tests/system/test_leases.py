@@ -61,6 +61,14 @@ def test_two_people_command_two_devices(ana, ben):
     assert held == {"ana": [DEVICE], "ben": [LEG]}
 
 
+def test_a_client_that_returns_one_device_keeps_the_other(ana):
+    ana.acquire_lease(DEVICE)
+    ana.acquire_lease(LEG)
+    ana.release_lease(DEVICE)
+    assert [list(one.devices) for one in ana.state().daemon.leases] == [[LEG]]
+    assert ana.move(TURN, device=LEG, approach=True).wait(20.0).outcome == pb.OUTCOME_DONE
+
+
 def test_a_move_of_no_device_in_particular_takes_no_lease(ana):
     with pytest.raises(package.errors.RequestError, match="expected one of arm, leg, got nothing"):
         ana.move(TURN)
