@@ -338,6 +338,11 @@ class DaemonProcess:
         """Return the device's state as the daemon reports it."""
         return self.stub.GetState(pb.GetStateRequest(device=DEVICE)).devices[0]
 
+    def planners(self) -> set[int]:
+        """Return the processes that plan, and the one that starts them if there is one."""
+        found = children(self.process.pid) - {self.device().servo_pid}
+        return found.union(*map(children, found))
+
     def move(self, motion: pb.MotionRequest):
         """Begin a motion and return the stream of its progress after the start."""
         request = pb.MoveRequest(lease_token=self.token, device=DEVICE, motion=motion)

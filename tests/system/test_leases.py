@@ -7,7 +7,7 @@ import time
 
 import pytest
 from command_line import assert_refused, begin, environment, inside, orientd
-from harness import DEVICE, DaemonProcess, children, nudge, until
+from harness import DEVICE, DaemonProcess, nudge, until
 
 import orientd as package
 from orientd.errors import LeaseError
@@ -129,9 +129,11 @@ def test_a_lease_that_a_move_takes_has_its_full_time_when_the_motion_begins(tmp_
     daemon.config.write_text(f"{daemon.config.read_text()}[planner]\nprocesses = 1\n")
     with daemon:
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
-        (planner,) = children(daemon.process.pid) - {daemon.device().servo_pid}
-        os.kill(planner, signal.SIGSTOP)
+        planners = daemon.planners()
+        for planner in planners:
+            os.kill(planner, signal.SIGSTOP)
         stream = daemon.stub.Move(pb.MoveRequest(motion=nudge(0.1), holder="ana"))
         time.sleep(3.0)
-        os.kill(planner, signal.SIGCONT)
+        for planner in planners:
+            os.kill(planner, signal.SIGCONT)
         assert 1.0 < next(iter(stream)).started.lease.seconds <= 2.0

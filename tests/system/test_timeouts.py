@@ -7,7 +7,7 @@ import time
 
 import grpc
 import pytest
-from harness import DaemonProcess, children, nudge, until
+from harness import DaemonProcess, nudge, until
 
 from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
@@ -99,10 +99,10 @@ def test_a_motion_resumes_after_a_stall_shorter_than_the_stall_timeout_alone(
 
 def test_no_client_plans_for_longer_than_the_configuration_allows(tmp_path):
     daemon = DaemonProcess(tmp_path)
-    planner = "[planner]\nprocesses = 1\nplan_timeout = 1.0\n"
-    daemon.config.write_text(daemon.config.read_text() + planner)
+    table = "[planner]\nprocesses = 1\nplan_timeout = 1.0\n"
+    daemon.config.write_text(daemon.config.read_text() + table)
     with daemon:
-        (hung,) = children(daemon.process.pid) - {daemon.device().servo_pid}
-        os.kill(hung, signal.SIGSTOP)
+        for planner in daemon.planners():
+            os.kill(planner, signal.SIGSTOP)
         with pytest.raises(grpc.RpcError, match="planning took longer than 1 s"):
             daemon.stub.Plan(pb.PlanRequest(motion=nudge(0.1), plan_timeout=20.0))
