@@ -3,7 +3,7 @@
 import pwd
 import sys
 
-from harness import DaemonProcess, until
+from harness import DaemonProcess, install_driver, until
 
 from orientd.daemon.access import identity
 from orientd.daemon.workers import Threads
@@ -50,11 +50,7 @@ class HangingDaemon(DaemonProcess):
     def __init__(self, folder, *, has_names=False, **more):
         super().__init__(folder, **more)
         self.site = folder / "site"
-        entries = self.site / "slow-1.dist-info"
-        entries.mkdir(parents=True)
-        (entries / "METADATA").write_text("Metadata-Version: 2.1\nName: slow\nVersion: 1\n")
-        (entries / "entry_points.txt").write_text("[orientd.drivers]\nslow = slow:SlowDriver\n")
-        (self.site / "slow.py").write_text(_DRIVER)
+        install_driver(self.site, "slow", "SlowDriver", _DRIVER)
         (self.site / "sitecustomize.py").write_text(_NAME_SERVICE.format(hangs=not has_names))
         self.import_from(self.site)
         slow = (

@@ -154,6 +154,22 @@ def health(channel: grpc.Channel) -> SimpleNamespace:
     )
 
 
+def install_driver(site: Path, name: str, driver: str, text: str) -> None:
+    """Install a driver in a folder: its module and its entry point are called *name*.
+
+    Args:
+        site: the folder; it is made if need be.
+        name: of the driver.
+        driver: its class.
+        text: of the module.
+    """
+    entries = site / f"{name}-1.dist-info"
+    entries.mkdir(parents=True)
+    (entries / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
+    (entries / "entry_points.txt").write_text(f"[orientd.drivers]\n{name} = {name}:{driver}\n")
+    (site / f"{name}.py").write_text(text)
+
+
 class Lines:
     """The lines that a process prints on a stream, as they come."""
 
@@ -321,6 +337,11 @@ class DaemonProcess:
     def device(self) -> pb.DeviceReport:
         """Return the device's state as the daemon reports it."""
         return self.stub.GetState(pb.GetStateRequest(device=DEVICE)).devices[0]
+
+    def planners(self) -> set[int]:
+        """Return the processes that plan, and the one that starts them if there is one."""
+        found = children(self.process.pid) - {self.device().servo_pid}
+        return found.union(*map(children, found))
 
     def move(self, motion: pb.MotionRequest):
         """Begin a motion and return the stream of its progress after the start."""

@@ -276,6 +276,16 @@ def test_abort_stops_a_slew_on_its_path(served, daemon):
     daemon.assert_limits_kept()
 
 
+def test_a_telescope_that_tracks_goes_on_after_an_abort(served, daemon):
+    telescope = served.telescope
+    served.slew(120.0, 40.0)
+    telescope.Tracking = True
+    telescope.AbortSlew()
+    assert telescope.Tracking
+    until(lambda: daemon.device().state == pb.STATE_TRACKING, "the telescope to track")
+    telescope.Tracking = False
+
+
 def test_each_refusal_has_its_error_number(served, daemon):
     telescope, rotator = served.telescope, served.rotator
     before = daemon.device().motion_number

@@ -1,6 +1,7 @@
 """The daemon as a process: how it starts, what it leaves behind, how it ends."""
 
 import contextlib
+import json
 import os
 import signal
 import stat
@@ -164,6 +165,17 @@ def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, numb
         daemon.assert_limits_kept()
         assert (sent[-1] == sent[-2]).all()
         assert "Traceback" not in log(daemon)
+
+
+def test_a_servo_that_is_suspended_ends_in_order_with_its_daemon(tmp_path):
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        daemon.move(spin(20.0))
+        until(lambda: daemon.device().path_time > 1.0, "a second of motion")
+        os.kill(daemon.device().servo_pid, signal.SIGSTOP)
+        assert daemon.end() == 0
+        report = json.loads(daemon.report.read_text())
+        assert (report["reason"], report["state"]) == ("the daemon asked for it", "holding")
+        daemon.assert_limits_kept()
 
 
 @pytest.mark.real

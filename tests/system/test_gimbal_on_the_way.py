@@ -242,7 +242,6 @@ def test_gimbal_stops_and_slews_where_an_axis_has_no_way_on(gimbal):
     assert abs(gimbal.bus.state(1)["goal"] - (2048 + axes[-1, 0] * 4096 / 360)) <= 1
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("gimbal", [QUICK], indirect=True)
 def test_kept_plan_is_refused_where_the_gimbal_is_on_another_turn_by_now(gimbal):
     def turn(*degrees):

@@ -3,10 +3,11 @@
 import json
 import os
 import signal
+import time
 
 import pytest
 from command_line import assert_refused, begin, environment, inside, orientd
-from harness import DEVICE, DaemonProcess, until
+from harness import DEVICE, DaemonProcess, nudge, until
 
 import orientd as package
 from orientd.errors import LeaseError
@@ -58,6 +59,14 @@ def test_two_people_command_two_devices(ana, ben):
     assert ours.wait(20.0).outcome == pb.OUTCOME_DONE
     held = {one.holder: one.devices for one in ana.state().daemon.leases}
     assert held == {"ana": [DEVICE], "ben": [LEG]}
+
+
+def test_a_client_that_returns_one_device_keeps_the_other(ana):
+    ana.acquire_lease(DEVICE)
+    ana.acquire_lease(LEG)
+    ana.release_lease(DEVICE)
+    assert [list(one.devices) for one in ana.state().daemon.leases] == [[LEG]]
+    assert ana.move(TURN, device=LEG, approach=True).wait(20.0).outcome == pb.OUTCOME_DONE
 
 
 def test_a_move_of_no_device_in_particular_takes_no_lease(ana):
@@ -113,3 +122,18 @@ def test_a_queued_move_that_ends_early_leaves_the_holders_motion_alone(
         assert f"(user:{os.getuid()})" in errors.partition("stopped by")[2]
     else:
         ana.seize_lease("whoever shared it was killed")
+
+
+def test_a_lease_that_a_move_takes_has_its_full_time_when_the_motion_begins(tmp_path):
+    daemon = DaemonProcess(tmp_path, lease=2.0)
+    daemon.config.write_text(f"{daemon.config.read_text()}[planner]\nprocesses = 1\n")
+    with daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        planners = daemon.planners()
+        for planner in planners:
+            os.kill(planner, signal.SIGSTOP)
+        stream = daemon.stub.Move(pb.MoveRequest(motion=nudge(0.1), holder="ana"))
+        time.sleep(3.0)
+        for planner in planners:
+            os.kill(planner, signal.SIGCONT)
+        assert 1.0 < next(iter(stream)).started.lease.seconds <= 2.0

@@ -96,6 +96,21 @@ def test_the_autopilot_commands_its_device_while_nobody_else_is_in_control(serve
     autopilot.close()
 
 
+def test_a_gimbal_comes_to_rest_when_another_component_takes_control(served):
+    served.take_control()
+    served.await_attitude(*forward(served))
+    assert served.point(NAN, NAN, 0, 5) == ACCEPTED
+    served.hear("GIMBAL_DEVICE_ATTITUDE_STATUS", lambda m: m.angular_velocity_z > 0.05)
+    other = Station(served.gimbal, (7, 8))
+    other.take_control()
+    began = time.monotonic()
+    served.hear("GIMBAL_DEVICE_ATTITUDE_STATUS", lambda m: abs(m.angular_velocity_z) < 1e-3)
+    # A component in control that is silent lets it turn for longer.
+    assert time.monotonic() - began < 2.0
+    other.release()
+    other.close()
+
+
 # Unset values
 
 

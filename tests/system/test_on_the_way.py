@@ -2,6 +2,7 @@
 
 import time
 
+import harness
 import numpy as np
 import pytest
 from harness import (
@@ -300,6 +301,42 @@ def test_a_device_that_never_is_on_target_is_said_not_to_be(tmp_path):
     assert "not on target within 0.3 s" in summary.text
 
 
+WOBBLING = '''
+from math import cos, sin
+from orientd.driver import ZERO
+from orientd.floats import multiply
+
+class WobblingBody:
+    """A body that is where it is sent for 0.1 s, and 0.01 rad beside it for the next 0.1 s."""
+
+    def __init__(self):
+        self.seconds = 0.0
+
+    def place(self, q):
+        """Stand still."""
+
+    def follow(self, q, period):
+        self.seconds += period
+        half = 0.005 if self.seconds % 0.2 < 0.1 else 0.0
+        return multiply(q, (cos(half), sin(half), 0.0, 0.0)), ZERO
+'''
+
+
+def test_a_device_is_on_target_only_if_it_stays_there(tmp_path, monkeypatch):
+    (tmp_path / "wobbling.py").write_text(WOBBLING)
+    monkeypatch.syspath_prepend(tmp_path)
+    daemon = DaemonProcess(tmp_path / "daemon", options="model = 'wobbling:WobblingBody'")
+    daemon.import_from(tmp_path)
+    with daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with orientd.connect(daemon.socket) as robot:
+            outcomes = []
+            for seconds in (0.05, 0.15):
+                gate = orientd.OnTarget(tolerance=1e-3, rate=0.1, settle_time=seconds, timeout=1.0)
+                outcomes.append(turn(robot, seconds, on_target=gate).wait(20.0).outcome)
+    assert outcomes == [pb.OUTCOME_DONE, pb.OUTCOME_UNSETTLED]
+
+
 def test_devices_begin_together(tmp_path):
     daemon = DaemonProcess(tmp_path / "daemon")
     text = daemon.config.read_text()
@@ -318,6 +355,42 @@ def test_devices_begin_together(tmp_path):
     for summary in summaries:
         assert 0.0 <= summary.start_lateness < 0.5
         assert summary.HasField("start_skew")
+
+
+def test_devices_begin_together_although_the_clock_is_set_between_their_requests(
+    tmp_path, monkeypatch
+):
+    with DaemonProcess(tmp_path / "daemon", others=["leg"]) as daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with orientd.connect(daemon.socket) as robot:
+            instant, unix_ns = time.time() + 2.0, time.time_ns
+            first = turn(robot, 0.4, device=DEVICE, start_time=instant)
+            # A daemon in virtual time shares this clock.
+            monkeypatch.setattr(time, "time_ns", lambda: unix_ns() - 300_000_000)
+            second = turn(robot, 0.4, device="leg", start_time=instant)
+            summaries = [handle.wait(20.0) for handle in (first, second)]
+    assert [summary.outcome for summary in summaries] == [pb.OUTCOME_DONE] * 2
+    assert summaries[1].HasField("start_skew")
+
+
+def test_the_time_that_planning_takes_is_allowed_for_once_it_is_known(robot, monkeypatch):
+    if harness.MACHINE.is_patient:
+        pytest.skip("real planners take no certain time")
+    for module in ("processes", "planners"):  # of the world
+        monkeypatch.setattr(f"{module}.PLANNING", (0.02,))
+    long_turn(robot)
+    attempts = [
+        turn(robot, angle, limits={"velocity": 0.1}).timing.attempts
+        for angle in (1.0, -1.0, 1.0, -1.0, 1.0)
+    ]
+    assert attempts[-3:] == [1, 1, 1]
+
+
+def test_a_start_time_is_refused_while_the_device_moves(robot):
+    first = long_turn(robot)
+    with pytest.raises(StateError, match="is moving: a start time needs one at rest"):
+        turn(robot, -0.3, start_time=time.time() + 5.0)
+    assert not first.is_done
 
 
 def test_a_motion_replaces_one_that_waits_for_its_start_time(daemon, robot):

@@ -276,6 +276,12 @@ def test_samples_of_a_point_and_a_base_that_are_too_old_are_counted(robot):
     assert tracking.report.left_out == 0
 
 
+def test_limits_that_allow_no_motion_are_refused(robot):
+    line = r"limits.acceleration: must be within 1e-09 and 1e\+12 rad/s\^2, got 1e-10; give a limit"
+    with pytest.raises(RequestError, match=line):
+        robot.track(limits={"acceleration": 1e-10})
+
+
 def test_a_block_ends_if_the_device_does_not_come_to_rest(robot, monkeypatch):
     monkeypatch.setattr(playing, "LONGEST_SETTLING", 0.5)
     begin = time.monotonic()

@@ -5,8 +5,9 @@ import os
 import signal
 import time
 
+import grpc
 import pytest
-from harness import DaemonProcess, until
+from harness import DaemonProcess, nudge, until
 
 from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
@@ -94,3 +95,14 @@ def test_a_motion_resumes_after_a_stall_shorter_than_the_stall_timeout_alone(
     is_fault = daemon.device().state == pb.STATE_FAULT
     assert is_fault == (share > 1.0)
     assert (daemon.device().state == pb.STATE_STREAMING) == (share < 1.0)
+
+
+def test_no_client_plans_for_longer_than_the_configuration_allows(tmp_path):
+    daemon = DaemonProcess(tmp_path)
+    table = "[planner]\nprocesses = 1\nplan_timeout = 1.0\n"
+    daemon.config.write_text(daemon.config.read_text() + table)
+    with daemon:
+        for planner in daemon.planners():
+            os.kill(planner, signal.SIGSTOP)
+        with pytest.raises(grpc.RpcError, match="planning took longer than 1 s"):
+            daemon.stub.Plan(pb.PlanRequest(motion=nudge(0.1), plan_timeout=20.0))

@@ -85,6 +85,10 @@ WRONG = {
         "keyframes[1]: expected one of quaternion, rotation_vector, euler, matrix, direction, "
         "azimuth_elevation, look_at; got rotation_vector and direction; keep one",
     ),
+    "a matrix of huge entries": (
+        REST + "  - {matrix: [[1.0e+200, 0, 0], [0, 1.0e+200, 0], [0, 0, 1.0e+200]]}\n",
+        "keyframes[1].matrix: must be a rotation, got an entry of 1e+200",
+    ),
     "a mirror": (
         REST + "  - {matrix: [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}\n",
         "keyframes[1].matrix: must be a rotation, got a reflection (determinant -1); "

@@ -55,15 +55,37 @@ def test_a_target_that_another_message_follows_is_sent_before_it():
     assert found == [target(1), target(3), chunk, target(4)]
 
 
-def test_a_pose_of_a_chunk_with_an_impossible_velocity_is_skipped():
-    identity = quaternion((1.0, 0.0, 0.0, 0.0))
-    rates = np.array([[0.1, 0.0, 0.0], [1e150, 0.0, 0.0], [1001.0, 0.0, 0.0], [0.0, 0.0, -900.0]])
-    chunk = pb.TrackChunk(
-        times_ns=[10**6 * (k + 1) for k in range(4)],
-        orientations=[identity.w, identity.x, identity.y, identity.z] * 4,
-        angular_velocities=rates.ravel(),
-        velocity_frame=pb.FRAME_BODY,
+def poses_of(times_ns, orientations, frame=pb.FRAME_BODY, rates=()):
+    """Return the poses of a chunk."""
+    rows = [quaternion(q) for q in orientations]
+    message = pb.TrackChunk(
+        times_ns=times_ns,
+        orientations=[number for q in rows for number in (q.w, q.x, q.y, q.z)],
+        angular_velocities=np.ravel(rates),
+        velocity_frame=frame,
     )
-    poses = poses_from_message(chunk, 0)
+    return poses_from_message(message, 0)
+
+
+UPRIGHT, QUARTER = (1.0, 0.0, 0.0, 0.0), (0.5**0.5, 0.0, 0.0, 0.5**0.5)
+
+
+def test_a_pose_of_a_chunk_with_an_impossible_velocity_is_skipped():
+    rates = np.array([[0.1, 0.0, 0.0], [1e150, 0.0, 0.0], [1001.0, 0.0, 0.0], [0.0, 0.0, -900.0]])
+    poses = poses_of([10**6 * (k + 1) for k in range(4)], [UPRIGHT] * 4, rates=rates)
     assert poses.skipped == 2
     assert [sample.omega for sample in poses.samples] == [tuple(rates[0]), tuple(rates[3])]
+
+
+def test_of_poses_of_a_chunk_for_one_instant_the_last_one_counts():
+    poses = poses_of([1_000_000, 1_400_000, 2_000_000], [UPRIGHT, QUARTER, UPRIGHT])
+    assert poses.skipped == 1
+    assert [sample.time_ns for sample in poses.samples] == [1_400_000, 2_000_000]
+    assert [sample.q for sample in poses.samples] == [QUARTER, UPRIGHT]
+
+
+def test_velocities_of_a_chunk_may_be_given_in_the_world():
+    rates = [[0.3, 0.0, 0.1], [0.0, 0.2, 0.0]]
+    poses = poses_of([10**6, 2 * 10**6], [QUARTER] * 2, pb.FRAME_WORLD, rates)
+    in_body = [sample.omega for sample in poses.samples]
+    np.testing.assert_allclose(in_body, [[0.0, -0.3, 0.1], [0.2, 0.0, 0.0]], atol=1e-15)

@@ -168,6 +168,16 @@ def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(devices, arm, c
     assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
 
 
+def test_a_seized_device_whose_servo_did_not_answer_is_stopped_once_it_does(devices, arm, servo):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
+    servo.is_dead = True
+    devices.leases.seize("ben", "", "an emergency", devices=["arm"])
+    settle(arm)
+    servo.is_dead = False
+    asyncio.run(devices.end_unowned(["arm"]))
+    assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
+
+
 def test_one_dead_servo_does_not_keep_the_others_from_stopping(devices, servo):
     servo.is_dead = True
     reason = r"no servo of arm answers the stop: .* did not answer stop.*; told to stop: leg"
@@ -463,6 +473,26 @@ def test_a_device_that_is_always_too_quick_is_said_to_be(devices, arm, servo):
     servo.refusals = 100 * [LateError("the path has passed record 3, it is at 4")]
     with pytest.raises(StateError, match="too quick for 6 plans: the path has passed record 3"):
         move(arm, devices.leases.acquire("ana").token)
+
+
+def test_a_motion_is_planned_again_if_a_queued_one_begins_meanwhile(
+    devices, arm, servo, planners, monkeypatch
+):
+    token = devices.leases.acquire("ana").token
+    order = order_of(replace(MOTION, approach=True))
+    first = begin(devices, arm, token)
+    servo.refusals.append(LateError("the path has passed record 3"))
+    second = move(arm, token, order, MoveOptions(is_queued=True))
+    servo.finish()
+
+    async def look():
+        tend(arm)
+
+    while_planned(monkeypatch, planners, look)
+    third = move(arm, token, order)
+    assert third.attempts == 2
+    assert ended(arm, first)[0] == pb.OUTCOME_DONE
+    assert ended(arm, second)[0] == pb.OUTCOME_REPLACED
 
 
 def test_a_device_knows_when_motions_with_a_start_time_began(devices, arm, servo):

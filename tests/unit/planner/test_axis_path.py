@@ -32,8 +32,8 @@ def motion():
     return plan(request, start=State.at_rest([1, 0, 0, 0]), limits=LIMITS, period=PERIOD)
 
 
-def limits_of(velocity=np.inf, acceleration=np.inf):
-    return [AxisLimits("yaw", -np.inf, np.inf, velocity, acceleration)]
+def limits_of(velocity=np.inf, acceleration=np.inf, jerk=np.inf):
+    return [AxisLimits("yaw", -np.inf, np.inf, velocity, acceleration, jerk)]
 
 
 def shape_of(motion, q=None, course=None, joints=None, **more):
@@ -138,6 +138,9 @@ def test_joint_beyond_a_limit_between_two_records_is_refused(motion):
     speed = float(np.abs(np.diff(joint)).max()) / PERIOD
     with pytest.raises(LimitError, match="velocity of yaw reaches"):
         reshaped(motion, shape_of(motion, joints=joint), limits_of(0.995 * speed, 999.0))
+    twist = float(np.abs(np.diff(joint, 3)).max()) / PERIOD**3
+    with pytest.raises(LimitError, match=r"jerk of yaw reaches .* between two records"):
+        reshaped(motion, shape_of(motion, joints=joint), limits_of(99.0, 999.0, 0.995 * twist))
 
 
 def test_a_saved_motion_keeps_its_joints_and_their_velocities(motion, tmp_path):

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
+from rig import PERIOD, PERIOD_NS, TERMS, Rig, distance_to_path, peaks, turn
 
 from orientd import rotation
 from orientd.errors import Fault, LinkError, SpentLinkError
@@ -425,10 +425,21 @@ def test_servo_ends_when_its_link_is_spent(rig, monkeypatch):
     assert rig.servo.report()["fault"] == "link_lost"
 
 
+def test_the_age_of_feedback_counts_from_the_enabling_on(rig, monkeypatch):
+    pose = rig.driver.enable()._replace(time_ns=0)
+    monkeypatch.setattr(rig.driver, "enable", lambda: pose)
+    monkeypatch.setattr(rig.driver, "read", lambda: None)
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+    most = rig.feedback_ns // PERIOD_NS
+    assert (rig.run(most - 5).state, rig.cycle.fault) == (ServoState.HOLDING, Fault.NONE)
+    assert rig.run(10).fault == Fault.FEEDBACK_STALE
+
+
 @pytest.fixture
 def parked(rig, monkeypatch):
     calls = []
     monkeypatch.setattr(rig.driver, "park", lambda: calls.append("park"), raising=False)
+    monkeypatch.setattr(rig.driver, "disable", lambda: calls.append("disable"))
     monkeypatch.setattr(rig.driver, "close", lambda: calls.append("close"))
     return calls
 
@@ -444,7 +455,7 @@ def test_device_is_parked_when_the_daemon_ends_in_order(rig, parked):
     assert rig.ask(Command.SHUTDOWN)[0] is Answer.DONE
     assert not parked
     end(rig)
-    assert parked == ["park", "close"]
+    assert parked == ["disable", "park", "close"]
 
 
 def test_device_is_parked_when_its_process_is_told_to_end(rig, parked):
@@ -461,7 +472,7 @@ def test_device_goes_on_holding_when_the_daemon_is_lost(rig, parked, is_told):
     if is_told:
         rig.servo.request_orderly_end("SIGTERM")
     end(rig)
-    assert parked == ["close"]
+    assert parked == ["disable", "close"]
 
 
 def test_device_in_a_fault_is_not_moved_at_the_end(rig, parked, monkeypatch):
@@ -470,7 +481,7 @@ def test_device_in_a_fault_is_not_moved_at_the_end(rig, parked, monkeypatch):
     rig.run()
     rig.ask(Command.SHUTDOWN)
     end(rig)
-    assert parked == ["close"]
+    assert parked == ["disable", "close"]
 
 
 def test_park_that_fails_is_written_down(rig, monkeypatch):

@@ -92,13 +92,19 @@ def test_motion_does_not_go_on_by_itself_after_a_long_stall(what):
     )
 
 
-def test_after_a_long_stall_a_reset_makes_the_way_free():
+@pytest.mark.parametrize("what", ["path", "targets"])
+def test_after_a_long_stall_a_reset_makes_the_way_free(what):
     rig, _ = moving()
+    if what == "targets":
+        follow(rig, [0.0, 0.9, 0.0])
+        rig.run(60)
     rig.stall(600)
     assert rig.ask(Command.RESET)[0] is Answer.DONE
-    rig.start(tuple(_anew(rig)))
+    path = _anew(rig)
+    rig.start(path)
     rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert rig.cycle.fault == Fault.NONE
+    assert rig.cycle.q == tuple(path[0][-1])
 
 
 def _anew(rig):
@@ -148,6 +154,30 @@ def test_following_goes_on_from_rest_to_the_same_target():
     rig.run(1500)
     assert keeps_limits(since(rig, last))
     assert rotation.angle(rig.sent()[-1], rotation.exp([0.0, 0.9, 0.0])) < 1e-9
+
+
+def fall_silent(rig):
+    """Let no feedback come any more."""
+    rig.driver.read = lambda: None
+
+
+def test_several_stalls_in_a_row_are_no_silence_of_the_device():
+    rig, _ = moving(feedback_ns=100_000_000)
+    fall_silent(rig)
+    for _ in range(4):
+        rig.stall(70)
+    assert (rig.cycle.state, rig.cycle.fault) == (ServoState.STREAMING, Fault.NONE)
+
+
+def test_an_earlier_stall_does_not_excuse_a_silence_of_the_device():
+    rig, _ = moving(feedback_ns=100_000_000)
+    rig.stall(400)
+    rig.run(200)
+    fall_silent(rig)
+    rig.stall(70)
+    assert rig.run(45).fault == Fault.NONE
+    rig.run(200)
+    assert rig.servo.setpoints.fault is Fault.FEEDBACK_STALE
 
 
 @pytest.mark.parametrize("state", ["idle", "holding"])

@@ -6,6 +6,7 @@ import itertools
 import socket
 import ssl
 import time
+from concurrent.futures import Future
 from functools import partial
 
 import pytest
@@ -121,6 +122,17 @@ def test_a_call_that_fails_says_why_and_the_next_one_is_served(tmp_path, device,
                 await get(channel, device)
             assert (caught.value.status.name, caught.value.message) == (status, text)
             assert await get(channel)
+
+    run(tmp_path, work)
+
+
+def test_a_user_is_served_although_the_name_service_does_not_answer(tmp_path, monkeypatch):
+    monkeypatch.setattr(listener, "look_up", lambda _: Future())
+
+    async def work(daemon):
+        with daemon.channel() as channel:
+            answer = await get(channel, timeout=5.0)
+            assert answer.devices[0].name == "ADMINISTRATOR"
 
     run(tmp_path, work)
 

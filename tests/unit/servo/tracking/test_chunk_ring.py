@@ -104,6 +104,16 @@ def test_it_reports_what_became_of_the_chunks():
     assert read_report(ring).stale == 0
 
 
+def test_a_chunk_that_waits_is_not_played_in_the_next_stream():
+    rig = playing()
+    chunk(rig, rig.clock.now_ns() + NS)
+    rig.run(5)
+    assert rig.ask(Command.TRACK, servo_limits=LIMITS)[0] is Answer.DONE
+    before = rig.cycle.q
+    rig.run(1000)
+    assert rig.cycle.q == before
+
+
 def test_what_the_limits_cut_off_is_told():
     rig = playing()
     chunk(rig, rig.clock.now_ns(), motion=lambda t: (exp((0.0, 0.0, 1.0 * sin(2 * pi * t))), ZERO))
