@@ -49,6 +49,12 @@ def run(command: str, minutes: float, folder: Path) -> str:
     return "failed" if status else "passed"
 
 
+def settings(run: dict[str, Any]) -> str:
+    """Return the variables that this run was given, which its command or explanation names."""
+    names = dict.fromkeys(re.findall(r"[A-Z][A-Z_]{3,}", run["command"] + run["explains"]))
+    return "".join(f", {name}={os.environ[name]}" for name in names if name in os.environ)
+
+
 def _end(shell: subprocess.Popen[bytes]) -> None:
     """End a shell with all that it has started: as Ctrl-C does, and then for certain."""
     for number in (signal.SIGINT, signal.SIGKILL):
@@ -106,7 +112,8 @@ def main(names: list[str]) -> int:
         took = (time.monotonic() - begin) / 60.0
         is_good &= outcome == "passed"
         lines.append(f"{name:10}{took:9.1f}{budget:9g}  {outcome}")
-        said = note(FILE.read_text(encoding="utf-8"), name, f"{outcome}, {took:.1f} min")
+        outcome = f"{outcome}, {took:.1f} min{settings(runs[name])}"
+        said = note(FILE.read_text(encoding="utf-8"), name, outcome)
         FILE.write_text(said, encoding="utf-8")
     print("\n".join(lines))
     return 0 if is_good else 1

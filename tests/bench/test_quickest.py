@@ -12,6 +12,7 @@ from connector_search import searched
 from scipy.spatial.transform import Rotation
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner.timing.axis_turn import usable
 from orientd.rotation import exp
 
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(900)]
@@ -65,20 +66,22 @@ def test_about_one_axis_it_is_as_quick_as_ruckig(is_single):
         period = float(random.choice([0.001, 0.002, 0.004, 0.008]))
         axis = random.normal(size=3)
         q = np.stack([exp(np.zeros(3)), exp(turn * axis / np.linalg.norm(axis))])
-        given = ruckig.InputParameter(1)
-        given.current_position, given.target_position = [0.0], [turn]
-        given.max_velocity, given.max_jerk = [limits.velocity], [limits.jerk]
-        given.max_acceleration = [limits.acceleration]
-        found = ruckig.Trajectory(1)
-        ruckig.Ruckig(1).calculate(given, found)
+        full, took = (limits.velocity, limits.acceleration, limits.jerk), []
+        for used in (full, usable(turn, *full)):
+            given = ruckig.InputParameter(1)
+            given.current_position, given.target_position = [0.0], [turn]
+            given.max_velocity, given.max_acceleration, given.max_jerk = ([one] for one in used)
+            found = ruckig.Trajectory(1)
+            ruckig.Ruckig(1).calculate(given, found)
+            took.append(found.duration)
         start = State.at_rest(tuple(q[0].tolist()))
         request = MotionRequest(keyframes(q[is_single:]))
         duration = plan(request, start=start, limits=limits, period=period).duration
-        ratios.append(duration / found.duration)
-        if duration > found.duration + max(1e-3 * found.duration, period):
+        ratios.append(duration / took[0])
+        if duration > took[1] + max(1e-3 * took[1], period):
             beyond.append((ratios[-1], limits, turn, period))
-    shown("duration over Ruckig's", ratios)
-    assert not beyond  # by 0.1 % or one cycle
+    shown("duration over Ruckig's with all of the limits", ratios)
+    assert not beyond  # of Ruckig's with the reserve for stops, by 0.1 % or one cycle
 
 
 @pytest.mark.parametrize("rate", [125.0, 500.0, 2000.0])
