@@ -272,8 +272,16 @@ class Trajectory:
         return found
 
     def shifted(self, delay: float) -> Trajectory:
-        """Return the same trajectory *delay* seconds later."""
-        return replace(self, breaks=self.breaks + delay, knots=self.knots + delay)
+        """Return the same trajectory *delay* seconds later.
+
+        It leaves out a piece whose ends become one time by rounding.
+        """
+        breaks, knots = self.breaks + delay, self.knots + delay
+        is_piece = np.diff(breaks) > 0.0
+        if is_piece.all():
+            return replace(self, breaks=breaks, knots=knots)
+        breaks, pieces = breaks[np.append(True, is_piece)], self.pieces[is_piece]
+        return replace(self, breaks=breaks, knots=np.unique(knots), pieces=pieces)
 
     def slowed(self, duration: float) -> Trajectory:
         """Return the same orientations from the same start time on, in *duration* seconds."""

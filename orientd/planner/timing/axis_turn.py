@@ -97,17 +97,21 @@ def usable(
     if weight <= 0.0:
         return most
     pull = most[2] * rise if rise else most[1]
-    pulls = pull * _SHARES_TO_STOP
-    speeds = np.minimum(
-        pull * (rise + hold), speed_to_stop(pulls / acceleration, stop) * acceleration
-    )
+    pulls, highest = pull * _SHARES_TO_STOP, pull * (rise + hold)
+    speeds = np.minimum(highest, speed_to_stop(pulls / acceleration, stop) * acceleration)
     jerks = np.minimum(most[2], jerk - jerk_to_stop(speeds, pulls, stop))
     rows = np.stack([speeds, pulls, jerks], axis=1)[jerks > 0.0].tolist()
     best = min(rows, key=lambda row: _duration(turn, *row), default=most)
     if _duration(turn, *best) <= (1.0 + _SAME) * _duration(turn, *most):
         return most
-    mixed = [(1.0 - weight) * one + weight * other for one, other in zip(most, best, strict=True)]
-    return mixed[0], mixed[1], mixed[2]
+    jerk = best[2]
+    if math.isfinite(jerk):
+        jerk = (1.0 - weight) * most[2] + weight * jerk
+    return (
+        (1.0 - weight) * highest + weight * best[0],
+        (1.0 - weight) * most[1] + weight * best[1],
+        jerk,
+    )
 
 
 def _duration(turn: float, velocity: float, acceleration: float, jerk: float) -> float:

@@ -102,6 +102,17 @@ def test_a_later_one_is_the_same_later(fitted, times):
     ).max() < (1e-13)
 
 
+def test_a_piece_whose_ends_are_one_time_later_is_left_out(fitted):
+    begin, end = fitted.domain
+    last = np.nextafter(end, begin)
+    joined = Trajectory.joined([fitted.restricted(begin, last), fitted.restricted(last, end)])
+    later = joined.shifted(1e3)
+    assert (np.diff(later.breaks) > 0.0).all()
+    assert (np.diff(later.knots) > 0.0).all()
+    found = later.orientations(later.knots)
+    np.testing.assert_allclose(found[-1:], fitted.orientations(np.array([end])), atol=1e-12)
+
+
 def test_asked_velocities_and_accelerations_are_met_at_the_ends(fitted):
     first = np.array([1.0, -2.0, 0.5]), np.array([0.1, 0.2, 3.0])
     last = np.array([0.3, 0.1, -0.7]), None

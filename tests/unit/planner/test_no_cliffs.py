@@ -8,7 +8,7 @@ import pytest
 
 from orientd.errors import OrientdError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
-from orientd.planner.timing.axis_turn import double_s
+from orientd.planner.timing.axis_turn import double_s, usable
 from orientd.rotation import exp, multiply
 
 PERIOD = 0.002
@@ -50,6 +50,17 @@ def test_what_is_slower_so_that_it_can_be_stopped_says_so(keyframes):
     motion = planned([*keyframes, about_z(1.0)], 0.02, acceleration=0.001)
     assert motion.certificate.stop_time <= 24.5
     assert any(note.startswith("slower than its limits") for note in motion.certificate.notes)
+
+
+@pytest.mark.parametrize("is_part", [False, True])
+@pytest.mark.parametrize(
+    "limits", [(math.inf, 0.001, 1.0), (2.5, 0.001, math.inf), (math.inf, 0.01, math.inf)]
+)
+def test_a_slow_device_without_a_limit_uses_as_much_as_with_a_high_one(limits, is_part):
+    found = usable(1.0, *limits, is_part=is_part)
+    high = usable(1.0, *(min(limit, 1e9) for limit in limits), is_part=is_part)
+    assert found[:2] == pytest.approx(high[:2], rel=1e-6)
+    assert found[2] == pytest.approx(high[2]) or (found[2] == math.inf and high[2] > 1e8)
 
 
 @alone_or_not()
