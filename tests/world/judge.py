@@ -66,6 +66,10 @@ class Judge:
         self.rests, self._led_ns = self.rests + 1, now_ns
         self.stand()
 
+    def go_on(self, now_ns):
+        """Expect the next setpoint in motion, though the last deadline was long ago."""
+        self._led_ns = now_ns
+
     def begin_in_motion(self):
         """Expect the next setpoint anywhere, with whatever velocity and acceleration."""
         self._turns = self._moves = (UNKNOWN,) * 2
@@ -199,6 +203,10 @@ def judged(setpoints, limits, period, *, is_moving=False):
         # first setpoint from rest before the gap.
         if max(before, after) + 2e9 * period > judge.gap_ns and judge.slows(setpoint.q):
             judge.rest(setpoint.time_ns)
+        elif judge.gap_ns < before <= 2 * judge.gap_ns:
+            # It goes on: the cycle before the gap was as late as its process stood still, so the
+            # device was sent nothing for less than the gap, and had not come to rest.
+            judge.go_on(setpoint.time_ns)
         judge.take(setpoint.time_ns, setpoint.q, setpoint.position, setpoint.joints)
     return found, judge
 

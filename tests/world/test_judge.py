@@ -148,6 +148,14 @@ def test_motion_from_rest_after_a_gap_is_a_rest_and_not_a_jump_of_the_speed(rest
     assert judge.rests == 1 + rest
 
 
+def test_motion_that_goes_on_behind_a_late_cycle_is_judged_as_motion():
+    setpoints = recorded(60_000_000)
+    found, judge = judged(setpoints, LIMITS, PERIOD_NS * 1e-9, is_moving=True)
+    assert (found, judge.rests) == ([], 0)
+    setpoints[21] = setpoints[21]._replace(q=setpoints[26].q)
+    assert judged(setpoints, LIMITS, PERIOD_NS * 1e-9, is_moving=True)[0]
+
+
 def test_numbers_that_are_none_are_found():
     setpoints = recorded()
     setpoints[30] = setpoints[30]._replace(q=(math.nan, 0.0, 0.0, 0.0))
