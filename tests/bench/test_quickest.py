@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from connector_search import searched
+from reference.ruckig_turn import fastest
 from scipy.spatial.transform import Rotation
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
@@ -58,7 +59,6 @@ def axis_limits(random):
 
 @pytest.mark.parametrize("is_single", [True, False], ids=["one keyframe", "two"])
 def test_about_one_axis_it_is_as_quick_as_ruckig(is_single):
-    ruckig = pytest.importorskip("ruckig")
     random = np.random.default_rng(1)
     ratios, beyond = [], []
     for _ in range(500):
@@ -66,14 +66,8 @@ def test_about_one_axis_it_is_as_quick_as_ruckig(is_single):
         period = float(random.choice([0.001, 0.002, 0.004, 0.008]))
         axis = random.normal(size=3)
         q = np.stack([exp(np.zeros(3)), exp(turn * axis / np.linalg.norm(axis))])
-        full, took = (limits.velocity, limits.acceleration, limits.jerk), []
-        for used in (full, usable(turn, *full)):
-            given = ruckig.InputParameter(1)
-            given.current_position, given.target_position = [0.0], [turn]
-            given.max_velocity, given.max_acceleration, given.max_jerk = ([one] for one in used)
-            found = ruckig.Trajectory(1)
-            ruckig.Ruckig(1).calculate(given, found)
-            took.append(found.duration)
+        full = limits.velocity, limits.acceleration, limits.jerk
+        took = [fastest(turn, *used) for used in (full, usable(turn, *full))]
         start = State.at_rest(tuple(q[0].tolist()))
         request = MotionRequest(keyframes(q[is_single:]))
         duration = plan(request, start=start, limits=limits, period=period).duration

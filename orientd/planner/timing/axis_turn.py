@@ -27,7 +27,7 @@ VELOCITY_SHARE = 0.9995
 """Share of the velocity, for a motion that continues."""
 
 Rates = tuple[float, float, float]
-"""Velocity, acceleration and jerk, rad/s and so on."""
+"""Velocity, acceleration and jerk, rad/s, rad/s^2 and rad/s^3."""
 
 _ONE_WAY = 1e-9  # share of the velocity by which it may differ from the one along the axis
 _ON_AXIS = 5e-10  # rad; tolerance of a path that is a turn about one axis
@@ -86,7 +86,9 @@ def usable(
 
     Args:
         turn: the length of the path, rad, positive.
-        velocity: limit, rad/s; and those of the others, rad/s^2 and rad/s^3.
+        velocity: limit, rad/s.
+        acceleration: limit, rad/s^2.
+        jerk: limit, rad/s^3; may be infinite, as may that of the velocity.
         is_part: whether the path is part of a longer motion.
     """
     most = VELOCITY_SHARE * velocity, SHARE * acceleration, SHARE * jerk

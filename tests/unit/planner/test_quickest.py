@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, anywhere, differences, random_request, rotations, times_of
+from reference.ruckig_turn import fastest
 
 from orientd.curves import METHODS
 from orientd.errors import RequestError
@@ -66,18 +67,11 @@ def core_of(seed, *, count=6, step=0.6, at_rest=True):
 @pytest.mark.parametrize("turn", [0.1, 1.0, 3.0])
 @pytest.mark.parametrize("name", ["arm", "quick"])
 def test_a_turn_about_one_axis_takes_as_long_as_with_ruckig(turn, name):
-    ruckig = pytest.importorskip("ruckig")
     limits = LIMITS[name]
-    durations = []
-    for used in (limits, aimed_at(limits)):
-        given = ruckig.InputParameter(1)
-        given.current_position, given.target_position = [0.0], [turn]
-        given.max_velocity = [used.velocity]
-        given.max_acceleration = [used.acceleration]
-        given.max_jerk = [used.jerk]
-        found = ruckig.Trajectory(1)
-        ruckig.Ruckig(1).calculate(given, found)
-        durations.append(found.duration)
+    durations = [
+        fastest(turn, used.velocity, used.acceleration, used.jerk)
+        for used in (limits, aimed_at(limits))
+    ]
     motion = made([Keyframe(HERE), Keyframe(about_z(turn))], limits)
     assert alone(motion) == pytest.approx(durations[1], rel=1e-9)
     # That is the price of the reserve to stop with.
