@@ -56,12 +56,11 @@ def try_joins(
 ) -> None: ...  # fmt: skip
 def connect(
     start: Floats, end: Floats, limits: Floats, own: Floats, period: float, least: float,
-    longest: float, most_turn: float, ease: float, as_found: bool, falls_first: bool, q: Floats,
-    w: Floats, breaks: Floats, /,
+    longest: float, most_turn: float, q: Floats, w: Floats, breaks: Floats, /,
 ) -> int: ...  # fmt: skip
-def leave(
-    state: Floats, limits: Floats, period: float, longest: float, may_ramp: bool, q: Floats,
-    w: Floats, breaks: Floats, /,
+def stop(
+    state: Floats, limits: Floats, period: float, longest: float, q: Floats, w: Floats,
+    breaks: Floats, /,
 ) -> int: ...  # fmt: skip
 def fill_basis(
     spans: Indices, knots: Floats, order: int,

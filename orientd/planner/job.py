@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -18,7 +17,7 @@ from orientd.planner import refusal
 from orientd.planner.certify.measuring import measure
 from orientd.planner.certify.summary import before, summed_up
 from orientd.planner.connect.connector import join_in
-from orientd.planner.connect.leads import CONNECTIONS, USUAL, Connection, LeadIn, lead_in, lead_out
+from orientd.planner.connect.leads import LeadIn, lead_in, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
@@ -33,6 +32,9 @@ from orientd.tolerances import GUARD_TOLERANCE
 
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
+_MOST_LEADS = 3  # of one path, until their records keep the limits
+_BELOW = 0.98  # share of a limit that the next leads use
+_FAR_OVER = 1.1  # excess that leads with less acceleration do not help
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +62,7 @@ class PlanJob:
     is_even: bool
     notes: tuple[str, ...] = ()
     offset: int = 0
-    _leads: dict[tuple[Connection, bytes], LeadIn] = field(default_factory=dict)
+    _leads: dict[tuple[bytes, float], LeadIn] = field(default_factory=dict)
 
     @classmethod
     def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> PlanJob:
@@ -110,12 +112,6 @@ class PlanJob:
     def has_one_shape(self) -> bool:
         """Whether a different duration gives the same curve at another rate."""
         return not (self.is_taken_over or any(self.ends.moves))
-
-    @property
-    def is_led_by_connector(self) -> bool:
-        """Whether the lead-in starts from a motion, or ends in one."""
-        is_moving = self.request.is_single or self.ends.moves[0] or not self.start.is_at_rest
-        return self.request.approach and is_moving
 
     def knots(self, *, is_quick: bool) -> tuple[Knots, float]:
         """Return times for keyframes without times, and the approximate duration of the motion, s.
@@ -182,14 +178,18 @@ class PlanJob:
         first = start.position, start.velocity, start.acceleration
         return position_path(times[kept], given, self.halt.last, first)
 
-    def lead_to(self, first: State, connection: Connection = USUAL) -> LeadIn:
+    def lead_to(self, first: State, share: float = 1.0) -> LeadIn:
         """Return the lead-in to a state at the first keyframe.
 
+        Args:
+            first: the state.
+            share: usable share of the limits of acceleration and jerk.
+
         Raises:
-            PlanError: the planner found none.
+            PlanError: it takes longer than the longest allowed motion.
         """
         rates = first.q.tobytes() + first.omega_body.tobytes() + first.alpha_body.tobytes()
-        lead = self._leads.get((connection, rates))
+        lead = self._leads.get((rates, share))
         if lead is None:
             is_moving = not is_still(first.omega_body, first.alpha_body, self.limits)
             if self.request.is_single:
@@ -198,43 +198,47 @@ class PlanJob:
             else:
                 # A position arrives with the approach and waits during the run-up.
                 is_direct = is_moving and not self.is_even and self.request.positions is None
-            lead = self.connected(self.start, first, connection, is_direct=is_direct)
-            self._leads[connection, rates] = lead
+            lead = self.connected(self.start, first, is_direct=is_direct, share=share)
+            self._leads[rates, share] = lead
         return lead
 
     def connected(
-        self, start: State, end: State, connection: Connection = USUAL, *, is_direct: bool = True
+        self, start: State, end: State, *, is_direct: bool = True, share: float = 1.0
     ) -> LeadIn:
         """Return the lead-in from one state to another.
 
         Args:
             start: initial state.
             end: final state.
-            connection: how to connect a motion.
             is_direct: whether to prefer a connector to a run-up from rest.
+            share: usable share of the limits of acceleration and jerk.
 
         Raises:
-            PlanError: the planner found none.
+            PlanError: no lead-in keeps the limits.
         """
         find = partial(
             lead_in,
             start,
             end,
-            limits=self.limits,
+            limits=self.limits.with_reserve(share),
             own=self.own,
             period=self.period,
-            connection=connection,
             is_even=self.is_even,
         )
         try:
             return find(is_direct=is_direct)
         except PlanError:
-            if not start.is_at_rest:
+            if is_direct or not start.is_at_rest:
                 raise
-            return find(is_direct=not is_direct)
+            return find(is_direct=True)
 
-    def leads_out(self, last: State, end: float) -> list[Trajectory]:
+    def leads_out(self, last: State, end: float, share: float = 1.0) -> list[Trajectory]:
         """Return the lead-out from a state at a path time; empty if it is at rest.
+
+        Args:
+            last: the state.
+            end: the path time, s.
+            share: usable share of the limits of acceleration and jerk.
 
         Raises:
             LeadOutError: no lead-out keeps the limits.
@@ -242,12 +246,15 @@ class PlanJob:
         if is_still(last.omega_body, last.alpha_body, self.limits):
             return []
         try:
-            lead = lead_out(last, limits=self.limits, period=self.period)
+            limits = self.limits.with_reserve(share)
+            lead = lead_out(last, limits=limits, period=self.period, is_even=self.is_even)
         except PlanError as error:
             raise LeadOutError(f"no lead-out from the last keyframe: {error}") from error
         return [lead.shifted(end)]
 
-    def with_leads(self, path: KeyframePath | State, lead: LeadIn | None) -> KeyframePath:
+    def with_leads(
+        self, path: KeyframePath | State, lead: LeadIn | None, share: float = 1.0
+    ) -> KeyframePath:
         """Return the whole path around a keyframe path, from rest to rest.
 
         The lead-in comes first.  A lead-out follows if the keyframe path does not end at rest.
@@ -256,6 +263,7 @@ class PlanJob:
             path: from the first keyframe to the last; or the state at a single one.
             lead: from the state of the device to the first keyframe; ``None`` if the keyframe path
                 begins at the device's state.
+            share: share of the limits of acceleration and jerk that the lead-out may use.
 
         Raises:
             StartError: there is no lead-in, and the keyframe path begins elsewhere.
@@ -266,7 +274,7 @@ class PlanJob:
         if isinstance(path, State):
             if lead is None:
                 raise ValueError("a single keyframe needs a lead-in")
-            parts += self.leads_out(path, begin)
+            parts += self.leads_out(path, begin, share)
             return KeyframePath(Trajectory.joined(parts), lead.positions, np.array([begin]))
         core, positions, notes = path.trajectory, path.positions, path.notes
         if lead is not None:
@@ -282,7 +290,7 @@ class PlanJob:
                         f"{self.request.method} does not begin at rest",
                     )
         parts.append(core.shifted(begin) if begin else core)
-        parts += self.leads_out(end_states(path.trajectory)[1], begin + path.duration)
+        parts += self.leads_out(end_states(path.trajectory)[1], begin + path.duration, share)
         return KeyframePath(Trajectory.joined(parts), positions, path.times + begin, notes)
 
     def _joint(self, path: KeyframePath) -> Trajectory | None:
@@ -302,41 +310,34 @@ class PlanJob:
             return None
         return join_in(path, start, limits=self.limits, period=self.period)
 
-    def motion(
-        self,
-        path: KeyframePath | State,
-        name: str,
-        *notes: str,
-        connections: Sequence[Connection] = CONNECTIONS,
-    ) -> Motion:
-        """Return the motion with the first lead-in that keeps its limits, with its certificate.
+    def motion(self, path: KeyframePath | State, name: str, *notes: str) -> Motion:
+        """Return the motion with its leads and its certificate.
+
+        If the records of a lead exceed a limit, the next leads use less by the excess.
 
         Args:
             path: from the first keyframe to the last; or the state at a single one.
             name: identifier of the motion.
             notes: further notes of the certificate.
-            connections: to try in order with a running motion.
 
         Raises:
             StartError: there is no lead-in, and the path begins elsewhere.
-            LimitError: the motion breaks a limit with every lead-in.
+            LimitError: the motion breaks a limit with any of these leads.
             PlanError: no lead keeps the limits.
         """
-        first = path if isinstance(path, State) else path.first
-        refused: LimitError | None = None
-        for connection in connections if self.is_led_by_connector else (USUAL,):
-            lead = self.lead_to(first, connection) if self.request.approach else None
+        first, share = path if isinstance(path, State) else path.first, 1.0
+        for count in range(1, _MOST_LEADS + 1):
+            lead = self.lead_to(first, share) if self.request.approach else None
+            whole = self.with_leads(path, lead, share)
             try:
-                motion = self.certified(self.with_leads(path, lead), name)
+                return self.certified(whole, name).noted(*notes)
             except LimitError as error:
-                if not error.is_in_lead_in:
+                is_in_lead = error.is_in_lead_in or error.time > whole.times[-1]
+                over = error.value / error.limit
+                if not is_in_lead or count == _MOST_LEADS or not 1.0 < over < _FAR_OVER:
                     raise
-                refused = refused or error
-            else:
-                if refused is not None:
-                    notes += (f"led in by {connection.name}: with {USUAL.name} {refused}",)
-                return motion.noted(*notes)
-        raise refused or PlanError("no lead-in was tried")
+                share *= _BELOW / over
+        raise PlanError("no lead was tried")
 
     def certified(self, whole: KeyframePath, name: str) -> Motion:
         """Return the motion along a path from rest to rest, checked against its limits.

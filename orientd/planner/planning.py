@@ -1,7 +1,7 @@
 """From a request to a motion: the attempts of the planner and their order.
 
 Only this module tries something else after a refusal.  The certificate's notes, or the final
-refusal, name what was tried.  :data:`.CONNECTIONS` lists the lead-ins that are tried in order.
+refusal, name what was tried.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.model.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
-from orientd.planner.connect.leads import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
+from orientd.planner.connect.leads import SAME_PLACE, approach
 from orientd.planner.errors import JoinError, LeadOutError, TotalError
 from orientd.planner.job import PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
@@ -202,16 +202,6 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
         tried.attempt("the quickest turn", partial(_turn, job, target, name))
         return
     tried.attempt("a connector", partial(job.motion, target, name))
-    if tried.best is None or not resting.arrives(start, target.q, job.limits):
-        return
-    # A motion that brakes at the full limits overshoots if it must stop later with reduced ones.
-    enough = resting.WORTH * tried.took
-    for one in WITHOUT_RESERVE:
-        other = _Tried()
-        other.attempt(one.name, partial(job.motion, target, name, connections=(one,)))
-        if other.took < enough:
-            tried.best = other.best
-            return
 
 
 def _turn(job: PlanJob, target: State, name: str) -> Motion:
@@ -334,16 +324,11 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
     part = resting.job_between(job)
     between = None if part is None else cache(partial(_quickest, part, name))
 
-    def rested(make: Callable[[], resting.Connectors]) -> Motion:
-        connectors = make()
+    def rested() -> Motion:
         path = resting.connected(job, connectors, between and between())
         return job.motion(path, name, connectors.note(job))
 
-    tried.attempt(connecting, partial(rested, lambda: connectors))
-    for one in CONNECTIONS[1:]:
-        if connecting in tried.refused:
-            connecting, other = f"{one.name} at the ends", partial(resting.Connectors.of, job, one)
-            tried.attempt(connecting, partial(rested, other))
+    tried.attempt(connecting, rested)
 
 
 def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:

@@ -22,7 +22,7 @@ from orientd.model.limits import LONGEST, Limits
 from orientd.model.request import DEFAULT_METHOD, Keyframe, MotionRequest
 from orientd.planner import refusal
 from orientd.planner.connect.connector import connector_lasting, hold, turn_to_stop
-from orientd.planner.connect.leads import USUAL, Connection, LeadIn, approach, lead_out
+from orientd.planner.connect.leads import LeadIn, approach, lead_out, reserved
 from orientd.planner.job import PlanJob
 from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
@@ -31,8 +31,7 @@ from orientd.planner.remarks import SWING, excess
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME
-from orientd.rotation import Floats, angle, log
-from orientd.rotation import between as turn_between
+from orientd.rotation import Floats, angle
 
 STOPS = "stops at every keyframe: this takes less time than the curve through them"
 CONNECTS = "a connector joins both keyframes, in place of the curve between them"
@@ -46,28 +45,11 @@ WAITS = "waits at the end that is at rest: no slower motion was found"
 WORTH = 0.95
 """Share of a duration that is worth going without the reserve."""
 
-_AHEAD = 0.7
-"""Cosine between the velocity and the direction to a keyframe that is ahead of a device."""
-
-_NEAR = 1.25
-"""Targets closer than this many stopping distances may be overshot."""
-
 _SLOWER = 1.2
 """Multiple of the duration of single moves from which on a note says so."""
 
 _WHOLE = 1e-9  # of a period, and of a duration
 _PACES = np.geomspace(1.0, 0.1, 12)  # in the search for a longer connector
-
-
-def arrives(start: State, key: Floats, limits: Limits) -> bool:
-    """Return whether a keyframe is ahead of a device, and hardly farther than a stop."""
-    speed = float(np.linalg.norm(start.omega_body))
-    if not speed:
-        return False
-    way, direction = log(turn_between(start.q, key)), start.omega_body / speed
-    distance = float(np.linalg.norm(way))
-    is_near = distance < _NEAR * turn_to_stop(start, limits)
-    return is_near and float(way @ direction) > _AHEAD * distance
 
 
 def can_move_singly(job: PlanJob) -> bool:
@@ -125,7 +107,7 @@ class Connectors:
     rests: tuple[int, int]
 
     @classmethod
-    def of(cls, job: PlanJob, connection: Connection = USUAL) -> Connectors:
+    def of(cls, job: PlanJob) -> Connectors:
         """Return the connectors that are found.
 
         Raises:
@@ -134,11 +116,11 @@ class Connectors:
         keys, (begin, end) = job.request.keys, states_at_ends(job)
         first, last = rests = resting_keyframes(job)
         if first > last:
-            return cls(job.connected(begin, end, connection).parts, (), rests)
+            return cls(job.connected(begin, end).parts, (), rests)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
         starts, ends = job.ends.moves
-        head = job.connected(begin, here, connection).parts if starts else ()
-        tail = job.connected(there, end, connection).parts if ends else ()
+        head = job.connected(begin, here).parts if starts else ()
+        tail = job.connected(there, end).parts if ends else ()
         return cls(head, tail, rests)
 
     @property
@@ -334,7 +316,8 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
     times, paths = np.array([0.0, total]), []
     for pace in _PACES:
         within = job.limits if pace == 1.0 else job.limits.slowed(pace)
-        find = partial(connector_lasting, limits=within, own=job.limits, period=job.period)
+        limits = reserved(within), reserved(job.limits)
+        find = partial(connector_lasting, limits=limits[0], own=limits[1], period=job.period)
         found = find(begin, end, total)
         if found is not None:
             paths.append(_laid(job, [[found]], times))
@@ -416,7 +399,7 @@ def _stops_at_ends(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, 
         raise PlanError("a position that moves does not wait for the tool to brake")
     begin, end = states_at_ends(job)
     find, (starts, ends) = partial(lead_out, limits=job.limits, period=job.period), job.ends.moves
-    stop = find(begin, may_ramp=True) if starts else None
+    stop = find(begin) if starts else None
     run_up = find(replace(end, omega_body=-end.omega_body)).reversed() if ends else None
     keys = job.request.keys.copy()
     keys[0] = begin.q if stop is None else stop.ends()[0][1]

@@ -104,32 +104,8 @@ void put_increments(const motion_t *first, const motion_t *last, double duration
 
 /* join_bounds.c */
 
-enum {
-    ROUGH = 17, ROUGH_LANES = 24,  /* points of a join that are looked at first */
-    FINE = 49, FINE_LANES = 56,    /* points of one that seems to do; lanes repeat the last one */
-};
-
-/* Basis functions of the joins at evenly spaced points, the same for all joins. */
-typedef struct {
-    /* Velocity, acceleration and jerk of increments over a second, if turns commuted. */
-    double rough[3][FACTORS][ROUGH_LANES];
-    /* Basis functions with two derivatives. */
-    double fine[3][FACTORS][FINE_LANES];
-} points_t;
-
-void put_points(points_t *points);
-
-/* Return the limits, a little less of the velocity, but never less than what a device has in
- * either of two states. */
+/* Return the limits, but never less than what a device has in either of two states. */
 bounds_t bounds_of(const motion_t *start, const motion_t *end, matrix_t limits);
-/* Whether a vector is above its bounds: the norm, or a component. */
-bool exceeds(vec_t v, const double most[4]);
-/* Whether a join keeps its bounds as if turns commuted. */
-bool seems_to_keep(const vec_t w[FACTORS], double duration, const points_t *points,
-                   const bounds_t *bounds);
-/* Whether a join keeps its bounds at points of the curve itself. */
-bool keeps(const vec_t w[FACTORS], double duration, const points_t *points,
-           const bounds_t *bounds);
 
 /* Write the increments of several joins, the shorter way round each, and which keep the limits.
  *
@@ -142,64 +118,38 @@ bool keeps(const vec_t w[FACTORS], double duration, const points_t *points,
 void try_joins(matrix_t first, matrix_t last, row_t durations, row_t around, matrix_t limits,
                tensor_t w, indices_t kept);
 
-/* ramp.c */
+/* stop.c */
 
-enum { RAMPS = 6 };  /* at most, at either end of a connector */
+/* States at the ends of phases of constant jerk, signs continuous, and their times, s. */
+typedef struct { motion_t *node; double *time; index_t count, room; } phases_t;
 
-/* Changes of the acceleration at one end, several to choose from; the first is none at all. */
-typedef struct {
-    motion_t ends[RAMPS];
-    double durations[RAMPS];  /* s */
-    int count;
-} ramps_t;
+enum { MOST_NODES = 16384 };
 
-/* Return the ramps that a connector may begin with.
+bool new_phases(motion_t state, phases_t *to);
+void free_phases(phases_t *phases);
+
+/* Add the quickest stop from a state; false where it takes longer than longest, s.
  *
- * way: rotation vector to where it leads.
- * limits: with their reserve, shape (3, 4).
- * period: least duration, s.
- * in_cycles: whether durations are whole periods. */
-ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
-                   double period, bool in_cycles);
+ * limits: of acceleration and jerk, shape (3, 4).
+ * period: it takes a whole number of periods, s; 0 for as long as it needs. */
+bool add_stop(const motion_t *state, matrix_t limits, double period, double longest, phases_t *to);
 
-/* leave.c */
-
-/* Write the joins of the shortest way found from a state to rest, wherever that is, and return how
- * many there are: one, or a ramp and one; 0 if there is none.
+/* Add a stop, a turn and a run-up, from one state to another, in a whole number of periods.
  *
- * state: shape (10,).
- * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
- * period: every join takes a whole number of periods, s.
- * longest: what takes longer is not looked for, s.
- * may_ramp: whether a ramp may come first.
- * q: receives the orientations that they begin at, shape (2, 4).
- * w: receives their increments, shape (2, 5, 3).
- * breaks: receives when they begin, and when the last one ends, s, shape (3,); if there are none, the
- *     second number is about how long one would take. */
-index_t leave(row_t state, matrix_t limits, double period, double longest, bool may_ramp,
-              matrix_t q, tensor_t w, row_t breaks);
+ * own: limits of the stop.
+ * least, longest: that it may take, s. */
+bool by_way_of_rest(const motion_t *start, const motion_t *end, matrix_t limits, matrix_t own,
+                    double period, double least, double longest, phases_t *to);
 
-/* connector_search.c */
-
-/* Write the shortest connector that is found, a ramp, a join and another ramp, and return whether
- * there is one.
+/* Write phases as joins, and return how many there are; nothing where there is no room for them.
  *
- * start, end: states, shape (10,).
- * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
- * period: it takes a whole number of periods, s.
- * least: it takes at least this long, s.
- * most_turn: the integral of its angular velocity, body components, is no longer, rad.
- * q: receives the orientations that the three begin at, signs continuous, shape (3, 4).
- * w: receives the increments of the three, shape (3, 5, 3); of one that takes no time none.
- * times: receives when the three begin and when the last one ends, s, shape (4,). */
-bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                    double most_turn, matrix_t q, tensor_t w, row_t times);
+ * q: receives the orientations that they begin at, shape (n, 4).
+ * w: receives their increments, shape (n, 5, 3).
+ * breaks: receives when they begin, and when the last one ends, s, shape (n + 1,). */
+index_t put_phases(const phases_t *phases, matrix_t q, tensor_t w, row_t breaks);
 
-/* Write a join, the way round that turns less, that need not keep the limits, as find_connector does.
- *
- * rates: share of the velocities and accelerations of the states that it has at its ends.
- * duration: share of the middle one of those that find_connector looks at. */
-void guess_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                     double rates, double duration, matrix_t q, tensor_t w, row_t times);
+/* Write the joins of a stop, and return how many there are; 0 where it takes too long. */
+index_t stop_from(row_t state, matrix_t limits, double period, double longest, matrix_t q,
+                  tensor_t w, row_t breaks);
 
 #endif

@@ -2,29 +2,16 @@
 #include "connectors.h"
 
 /* Of the limit, for peaks between the points that are looked at. */
-#define VELOCITY_MARGIN 0.9995
+#define VELOCITY_MARGIN 0.9999
 /* Ramps go right up to the bounds: rounding must not decide which of them keep them. */
 #define ROUNDING 1e-9
 
-void put_points(points_t *points) {
-    for (int p = 0; p < ROUGH_LANES; p++) {
-        basis_t at = join_basis(least(p, ROUGH - 1) / (double)(ROUGH - 1));
-        for (int k = 0; k < FACTORS; k++) {
-            points->rough[0][k][p] = 2.0 * at.rate[k];
-            points->rough[1][k][p] = 2.0 * at.curvature[k];
-        }
-    }
-    /* The jerk from the acceleration at three points. */
-    for (int k = 0; k < FACTORS; k++) {
-        const double *a = points->rough[1][k];
-        double *jerk = points->rough[2][k], half = 0.5 * (ROUGH - 1);
-        const int last = ROUGH - 1;
-        jerk[0] = half * (4.0 * a[1] - 3.0 * a[0] - a[2]);
-        for (int p = 1; p < last; p++)
-            jerk[p] = half * (a[p + 1] - a[p - 1]);
-        for (int p = last; p < ROUGH_LANES; p++)
-            jerk[p] = half * (3.0 * a[last] - 4.0 * a[last - 1] + a[last - 2]);
-    }
+enum { FINE = 49, FINE_LANES = 56 };  /* points of a join; lanes repeat the last one */
+
+/* Basis functions of the joins with two derivatives, at evenly spaced points. */
+typedef struct { double fine[3][FACTORS][FINE_LANES]; } points_t;
+
+static void put_points(points_t *points) {
     for (int p = 0; p < FINE_LANES; p++) {
         basis_t at = join_basis(least(p, FINE - 1) / (double)(FINE - 1));
         for (int k = 0; k < FACTORS; k++) {
@@ -56,8 +43,6 @@ INLINE int above(double square, vec_t v, double scale, const double most[4]) {
          | !(fabs(v.y) * scale <= most[2]) | !(fabs(v.z) * scale <= most[3]);
 }
 
-bool exceeds(vec_t v, const double most[4]) { return above(dot(v, v), v, 1.0, most); }
-
 /* The largest of some values, by a parabola where it lies between them. */
 static double peak(const double *squares, int count) {
     int at = 0;
@@ -73,31 +58,7 @@ static double peak(const double *squares, int count) {
     return largest;
 }
 
-bool seems_to_keep(const vec_t w[FACTORS], double duration, const points_t *points,
-                   const bounds_t *bounds) {
-    /* Ways that are too short mostly ask for too much acceleration. */
-    static const int orders[3] = {1, 0, 2};
-    double rate = 1.0 / duration, scales[3] = {rate, rate * rate, rate * rate * rate};
-    for (int i = 0; i < 3; i++) {
-        int order = orders[i], is_above = 0;
-        const double (*shares)[ROUGH_LANES] = points->rough[order], *most = bounds->most[order];
-        double squares[ROUGH_LANES];
-        for (int p = 0; p < ROUGH_LANES; p++) {
-            vec_t v = times(shares[0][p], w[0]);
-            v = plus(v, times(shares[1][p], w[1]));
-            v = plus(v, times(shares[2][p], w[2]));
-            v = plus(v, times(shares[3][p], w[3]));
-            v = plus(v, times(shares[4][p], w[4]));
-            squares[p] = dot(v, v);
-            is_above |= above(squares[p], v, scales[order], most);
-        }
-        if (is_above || !(sqrt(peak(squares, ROUGH)) * scales[order] <= most[0]))
-            return false;
-    }
-    return true;
-}
-
-bool keeps(const vec_t w[FACTORS], double duration, const points_t *points,
+static bool keeps(const vec_t w[FACTORS], double duration, const points_t *points,
            const bounds_t *bounds) {
     enum { LANES = 8 };
     join_t join = join_of(w, duration);

@@ -17,29 +17,31 @@ KERNEL(try_joins) {
     Py_RETURN_NONE;
 }
 
+static bool are_joins(matrix_t q, tensor_t w, row_t breaks) {
+    return q.n > 0 && is_matrix(q, q.n, 4) && is_tensor(w, q.n, FACTORS, 3) && breaks.n == q.n + 1;
+}
+
 KERNEL(connect) {
-    TAKE("vvmmdddddppMTV");
+    TAKE("vvmmddddMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[3].m, 3, 4) && is_matrix(a[11].m, MOST_JOINS, 4));
-    CHECK(is_tensor(a[12].t, MOST_JOINS, FACTORS, 3) && a[13].v.n == MOST_JOINS + 1);
+    CHECK(is_matrix(a[3].m, 3, 4) && a[4].d > 0.0 && are_joins(a[8].m, a[9].t, a[10].v));
     index_t found;
     RUN(found = connect_states(a[0].v, a[1].v, a[2].m, a[3].m, a[4].d, a[5].d, a[6].d, a[7].d,
-                               a[8].d, a[9].p, a[10].p, a[11].m, a[12].t, a[13].v));
+                               a[8].m, a[9].t, a[10].v));
     return PyLong_FromLongLong(found);
 }
 
-KERNEL(leave) {
-    TAKE("vmddpMTV");
-    CHECK(a[0].v.n == STATE && is_matrix(a[1].m, 3, 4) && is_matrix(a[5].m, 2, 4));
-    CHECK(is_tensor(a[6].t, 2, FACTORS, 3) && a[7].v.n == 3);
+KERNEL(stop) {
+    TAKE("vmddMTV");
+    CHECK(a[0].v.n == STATE && is_matrix(a[1].m, 3, 4) && are_joins(a[4].m, a[5].t, a[6].v));
     index_t found;
-    RUN(found = leave(a[0].v, a[1].m, a[2].d, a[3].d, a[4].p, a[5].m, a[6].t, a[7].v));
+    RUN(found = stop_from(a[0].v, a[1].m, a[2].d, a[3].d, a[4].m, a[5].t, a[6].v));
     return PyLong_FromLongLong(found);
 }
 
 PyMethodDef connectors_methods[] = {
     ENTRY(try_joins),
     ENTRY(connect),
-    ENTRY(leave),
+    ENTRY(stop),
     LAST_ENTRY,
 };

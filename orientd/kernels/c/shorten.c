@@ -1,10 +1,12 @@
 /* From a connector that was found to the spline that is shortened, and from that to joins. */
 #include "shorten.h"
 
-/* Of the limit of the velocity, which the spline keeps everywhere. */
-#define VELOCITY_SHARE 0.9998
-/* Share of the limit of the velocity that is near it. */
-#define NEARLY 0.99
+/* Times the way by rest, that a spline may take on its way to a shorter one. */
+#define LONGER 8.0
+/* Of acceleration and jerk, for another try where the first one got stuck: a motion that already uses
+ * all of them leaves no room to look for a shorter way. */
+#define MORE 0.01
+enum { TRIES = 2 };
 /* Of the time in which the acceleration rises to its limit, the narrowest element. */
 #define NARROWEST 0.06
 /* For each rad/s, the same, s: it must not be so narrow that rounding of the velocity shows in the
@@ -69,7 +71,7 @@ static void add_rate(spline_t *s, int order, int first, int count, const double 
     if (!is_limited)
         return;
     rate_t *rate = &s->rate[s->rates++];
-    rate->first = first, rate->count = count, rate->order = order, rate->ease = 1.0;
+    rate->first = first, rate->count = count, rate->order = order;
     for (int i = 0; i < count; i++)
         rate->share[i] = shares[i];
     vec_t given = vec(0.0, 0.0, 0.0);
@@ -108,62 +110,24 @@ static void put_rates(spline_t *s) {
     }
 }
 
-/* How long an acceleration takes to fall that would else become too fast, s. */
-static double falls_in(const bounds_t *bounds, vec_t omega, vec_t alpha) {
-    double longest = 0.0;
-    for (int k = 0; k < 4; k++) {
-        double falls = size_of(alpha, k) / bounds->most[2][k];
-        if (size_of(scaled_plus(0.5 * falls, alpha, omega), k) > NEARLY * bounds->most[0][k])
-            longest = fmax(longest, falls);
-    }
-    return longest;
+/* Velocity at a time of phases of constant jerk. */
+static vec_t velocity_of(const phases_t *phases, double time) {
+    index_t k = 0;
+    while (k + 2 < phases->count && phases->time[k + 1] <= time)
+        k++;
+    const motion_t *from = &phases->node[k], *to = from + 1;
+    double h = phases->time[k + 1] - phases->time[k], t = fmin(fmax(time - phases->time[k], 0.0), h);
+    vec_t change = scaled_plus(0.5 * t * t / h, minus(to->alpha, from->alpha), from->omega);
+    return scaled_plus(t, from->alpha, change);
 }
 
-/* Let go of the jerk's reserve while an acceleration falls that would else become too fast: what a
- * device moves with was planned with less of a reserve. */
-static void ease_end(spline_t *s, vec_t omega, vec_t alpha, double ease, bool is_end) {
-    double falls = falls_in(&s->bounds, omega, alpha), before = 0.0;
-    for (int i = 0; i < s->rates; i++) {
-        rate_t *rate = &s->rate[is_end ? s->rates - 1 - i : i];
-        if (rate->order != 2)
-            continue;
-        if (before < falls)
-            rate->ease = ease;
-        before += s->width[rate->first] * s->duration;
-    }
-}
-
-/* Velocity of joins at a time, and the orientation that they arrive at. */
-static vec_t velocity_of(const join_t joins[3], row_t times_of, double time) {
-    int k = time >= times_of.v[2] && times_of.v[3] > times_of.v[2] ? 2
-          : time >= times_of.v[1] || !(times_of.v[1] > 0.0) ? 1 : 0;
-    double u = (time - times_of.v[k]) * joins[k].per_second;
-    return join_at(quat(1.0, 0.0, 0.0, 0.0), &joins[k], join_basis(fmin(fmax(u, 0.0), 1.0))).omega;
-}
-
-/* Begin with the connector that was found. */
-static void put_first(spline_t *s, matrix_t q, tensor_t w, row_t times_of) {
-    join_t joins[3];
-    quat_t last = quat_at(row_of(q, 0));
-    for (int i = 0; i < 3; i++) {
-        vec_t of[FACTORS];
-        double takes = times_of.v[i + 1] - times_of.v[i];
-        for (int k = 0; k < FACTORS; k++)
-            of[k] = vec_at(w.v + (i * FACTORS + k) * 3);
-        joins[i] = join_of(of, takes > 0.0 ? takes : 1.0);
-        if (!(takes > 0.0))
-            continue;
-        last = quat_at(row_of(q, i));
-        for (int k = 0; k < FACTORS; k++)
-            last = multiplied(last, exponential(of[k]));
-    }
-    if (last.w * s->end.q.w + last.x * s->end.q.x + last.y * s->end.q.y + last.z * s->end.q.z < 0.0)
-        s->end.q = opposite(s->end.q);
+/* Begin with the way by rest. */
+static void put_first(spline_t *s, const phases_t *rests) {
     double before = 0.0;
     for (int k = 0; k + 2 < s->elements; k++) {
         /* A control point is the velocity half way between two nodes, nearly. */
         double here = before + s->width[k];
-        s->point[k + 2] = velocity_of(joins, times_of, (here + 0.5 * s->width[k + 1]) * s->duration);
+        s->point[k + 2] = velocity_of(rests, (here + 0.5 * s->width[k + 1]) * s->duration);
         before = here;
     }
 }
@@ -202,25 +166,28 @@ static index_t put_shorter(const spline_t *s, matrix_t joins, tensor_t increment
     return n;
 }
 
-index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          double most_turn, double longest, double ease, matrix_t q, tensor_t w, row_t times_of,
-                          matrix_t joins, tensor_t increments, row_t breaks) {
+index_t shorten_connector(const phases_t *rests, matrix_t limits, double period, double least,
+                          double most_turn, matrix_t q, tensor_t w, row_t breaks) {
     spline_t s;
-    double total = times_of.v[3];
-    if (!(total >= FEWEST * period && total > least))
+    double total = rests->time[rests->count - 1];
+    if (!(total >= FEWEST * period && total > least + 0.5 * period && q.n >= ELEMENTS))
         return 0;
-    s.begin = state_at(start.v), s.end = state_at(end.v);
-    s.bounds = bounds_of(&s.begin, &s.end, limits);
-    for (int k = 0; k < 4; k++)
-        s.bounds.most[0][k] = fmax(s.bounds.most[0][k], VELOCITY_SHARE * row_of(limits, 0)[k]);
-    s.duration = total, s.least = fmax(least, period), s.most = longest + period;
-    put_elements(&s, period);
-    put_rates(&s);
-    ease_end(&s, s.begin.omega, s.begin.alpha, ease, false);
-    ease_end(&s, s.end.omega, times(-1.0, s.end.alpha), ease, true);
-    put_first(&s, q, w, times_of);
-    if (!shorten(&s, period) || !(s.duration < longest + 0.5 * period)
-        || !(norm(turn_of(&s)) <= most_turn))
-        return 0;
-    return put_shorter(&s, joins, increments, breaks);
+    spline_t best;
+    best.duration = total, best.elements = 0;
+    outcome_t outcome = LOST;
+    for (int k = 0; k < TRIES && outcome != CONVERGED; k++) {
+        s.begin = rests->node[0], s.end = rests->node[rests->count - 1];
+        s.bounds = bounds_of(&s.begin, &s.end, limits);
+        for (int i = 0; i < 4; i++)
+            s.bounds.most[1][i] *= 1.0 + k * MORE, s.bounds.most[2][i] *= 1.0 + k * MORE;
+        s.duration = total, s.least = fmax(least, period), s.most = LONGER * total;
+        put_elements(&s, period);
+        put_rates(&s);
+        put_first(&s, rests);
+        outcome = shorten(&s, period);
+        if (outcome != LOST && s.duration < best.duration - 0.5 * period
+            && norm(turn_of(&s)) <= most_turn)
+            best = s;
+    }
+    return best.duration < total ? put_shorter(&best, q, w, breaks) : 0;
 }

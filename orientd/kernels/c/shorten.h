@@ -32,9 +32,8 @@ enum {
 /* A limited rate: control points from the first on, with their shares, over a power of the
  * duration.
  *
- * by_duration: what the given control points add with the duration.
- * ease: factor of its limits. */
-typedef struct { int first, count, order; double share[3], by_duration[3], ease; } rate_t;
+ * by_duration: what the given control points add with the duration. */
+typedef struct { int first, count, order; double share[3], by_duration[3]; } rate_t;
 
 /* A connector as a spline of its velocity. */
 typedef struct {
@@ -60,46 +59,37 @@ vec_t acceleration_at(const spline_t *spline, int node);
 
 /* shorten_steps.c */
 
-/* Shorten a spline, to a whole number of periods; false where that has not converged. */
-bool shorten(spline_t *spline, double period);
+/* How a spline was shortened: not to one within the limits; until a single limit held it up, or the
+ * steps ran out; or as far as the limits together allow. */
+typedef enum { LOST, STUCK, CONVERGED } outcome_t;
+
+/* Shorten a spline, to a whole number of periods. */
+outcome_t shorten(spline_t *spline, double period);
 
 /* shorten.c */
 
-/* Write the joins of a connector that is shorter than one already found, or than a guess.  Return the
- * number of joins, or 0 if there is no shorter connector.
+/* Write the joins of a connector that is shorter than one by way of rest.  Return the number of
+ * joins, or 0 if none is found.
  *
- * start, end, limits, period, least, most_turn: as of find_connector.
- * longest: it takes no longer than this, s.
- * ease: factor of the jerk's limits where an acceleration would else become too fast as it falls.
- * q, w, times: the connector to begin with, as find_connector writes it.
- * joins: receives orientations that they begin at, signs continuous, shape (ELEMENTS, 4).
- * increments: receives their increments, shape (ELEMENTS, 5, 3).
- * breaks: receives when they begin, and when the last one ends, s, shape (ELEMENTS + 1,). */
-index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          double most_turn, double longest, double ease, matrix_t q, tensor_t w, row_t times,
-                          matrix_t joins, tensor_t increments, row_t breaks);
+ * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
+ * period: it takes a whole number of periods, s.
+ * least: it takes at least this long, s.
+ * most_turn: the integral of its angular velocity, body components, is no longer, rad.
+ * q, w, breaks: as of put_phases, for at least ELEMENTS joins. */
+index_t shorten_connector(const phases_t *rests, matrix_t limits, double period, double least,
+                          double most_turn, matrix_t q, tensor_t w, row_t breaks);
 
 /* connect.c */
 
-enum { MOST_JOINS = ELEMENTS + 2 };  /* of a connector, and of two ramps before it */
-
 /* Write the joins of the shortest way found from one state to another, and return how many there
- * are; 0 if there is none.
+ * are; 0 if it takes too long.
  *
  * start, end: states, shape (10,).
- * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
- * own: the same without a reserve, which the velocity keeps while the acceleration falls.
- * period: it takes a whole number of periods, s.
+ * own: limits of a stop from the start.
  * least, longest: that it may take, s.
- * most_turn: as of find_connector.
- * ease: as of shorten_connector.
- * as_found: whether to leave it as find_connector finds it.
- * falls_first: whether the acceleration falls first in any case, rather than where it has to.
- * q: receives the orientations that they begin at, signs continuous, shape (MOST_JOINS, 4).
- * w: receives their increments, shape (MOST_JOINS, 5, 3).
- * breaks: receives when they begin, and when the last one ends, s, shape (MOST_JOINS + 1,). */
+ * The others are those of shorten_connector. */
 index_t connect_states(row_t start, row_t end, matrix_t limits, matrix_t own, double period,
-                       double least, double longest, double most_turn, double ease, bool as_found,
-                       bool falls_first, matrix_t q, tensor_t w, row_t breaks);
+                       double least, double longest, double most_turn, matrix_t q, tensor_t w,
+                       row_t breaks);
 
 #endif

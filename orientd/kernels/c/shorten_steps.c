@@ -9,7 +9,8 @@
 #define LEAST_SLACK 0.05    /* to begin with */
 #define TO_BOUNDARY 0.95    /* of the way */
 #define LONGEST_STEP 0.3    /* of the duration */
-#define STUCK 1e-3          /* share of a step that is not worth another one */
+#define SHORT_STEP 1e-3     /* share of a step that is not worth another one */
+#define HEAVY 1.25          /* weight of a limit that leaves no room to move along it */
 #define RIDGE 3e-4          /* on the diagonal, next to values of the order of one: control points
                              * with few limits would else step too far for the orientation */
 #define MISSED_FIRST 1e-3   /* share of a limit, and rad, that may be missed on the way */
@@ -374,6 +375,16 @@ static double gap_of(const steps_t *at, double *above) {
     return gap;
 }
 
+/* The largest weight: how much a limit lengthens the spline. */
+static double heaviest(const steps_t *at) {
+    double weight = 0.0;
+    for (int i = 0; i < at->spline->rates; i++)
+        for (int k = 0; k < KINDS; k++)
+            if (at->limit[i][k].is_there)
+                weight = fmax(weight, at->limit[i][k].weight);
+    return weight;
+}
+
 static double missed(const steps_t *at) { return norm(vec_at(at->miss)); }
 
 static void put_weights(steps_t *at) {
@@ -385,7 +396,7 @@ static void put_weights(steps_t *at) {
         for (int k = 0; k < KINDS; k++) {
             /* A component that may be as large as the norm is not limited by itself. */
             at->limit[i][k].is_there = most[k] < INFINITY && (!k || most[k] < most[0]);
-            at->limit[i][k].ratio = 1.0 / (most[k] * at->unit[i] * s->rate[i].ease);
+            at->limit[i][k].ratio = 1.0 / (most[k] * at->unit[i]);
             at->limits += at->limit[i][k].is_there;
         }
     }
@@ -428,8 +439,9 @@ static bool arrive(steps_t *at) {
     return missed(at) <= ARRIVED;
 }
 
-bool shorten(spline_t *spline, double period) {
+outcome_t shorten(spline_t *spline, double period) {
     steps_t at;
+    bool is_free = false;
     at.spline = spline;
     put_given(spline);
     put_weights(&at);
@@ -440,8 +452,10 @@ bool shorten(spline_t *spline, double period) {
         bool is_inside = above < MISSED_FIRST && missed(&at) < MISSED_FIRST;
         bool is_short = gone > TO_BOUNDARY - 0.2 && gap < CLOSE_ENOUGH;
         /* Control points that get no shorter may still form a connector. */
-        if ((is_inside && is_short) || step == STEPS || !(gone > STUCK))
+        if ((is_inside && is_short) || step == STEPS || !(gone > SHORT_STEP)) {
+            is_free = is_inside && is_short && heaviest(&at) < HEAVY;
             break;
+        }
         share = step == 0 ? 1.0 : gone > 0.9 ? 0.1 : gone > 0.5 ? 0.3 : 0.6;
         gone = advance(&at, fmax(share * gap, LAST_WEIGHT) / at.limits, 0.0);
     }
@@ -449,10 +463,10 @@ bool shorten(spline_t *spline, double period) {
     for (int step = 0; step < LAST_STEPS; step++) {
         gone = advance(&at, fmax(gap, LAST_WEIGHT) / at.limits, goal);
         if (!(gone > 0.0))
-            return false;
+            return LOST;
         gap_of(&at, &above);
         if (spline->duration == goal && above < MISSED && missed(&at) < MISSED)
-            return arrive(&at);
+            return !arrive(&at) ? LOST : is_free ? CONVERGED : STUCK;
     }
-    return false;
+    return LOST;
 }

@@ -1,22 +1,21 @@
-"""Connectors between two states of motion: quintic pieces and ramps within the limits.
+"""Connectors between two states of motion, and stops, within the limits.
 
-``orientd/kernels/c/connectors.h`` defines the quintic pieces (joins).  The search finds one piece
-with a ramp before and after it, if that is faster or needed.  A ramp only changes the acceleration,
-at the jerk limit.  The result is then shortened as far as the limits permit and consists of many
-short pieces; see ``orientd/kernels/c/shorten.h``.  If the initial acceleration has to fall at once,
-ramps come first.
+``orientd/kernels/c/connectors.h`` defines the quintic pieces (joins).  A stop has a closed form of
+three phases of constant jerk (``stop.c``).  A connector is a stop, a turn and a run-up, which
+always exists, made as short as the limits permit; see ``orientd/kernels/c/shorten.h``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from orientd import kernels
 from orientd.curves.basis import Indices
 from orientd.curves.trajectory import Trajectory
+from orientd.errors import PlanError
 from orientd.model.limits import LONGEST, Limits
 from orientd.planner.certify.measuring import limit_table
 from orientd.planner.errors import JoinError
@@ -25,11 +24,8 @@ from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 
 FACTORS = 5
-CONNECTOR_RESERVE = 0.96
-"""Share of acceleration and jerk that a connector uses; the rest is for stopping in it."""
-
 _MOST_PIECES = 16_384  # Most intervals of a trajectory of joins.
-_MOST_JOINS = 36
+_MOST_JOINS = 64
 # Sums of Bernstein polynomials of degree 5, each from one on to the last.
 _BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
 _SAME = 1e-9  # of a duration
@@ -152,51 +148,58 @@ def connector(
     end: State,
     *,
     limits: Limits,
+    own: Limits,
     period: float,
-    own: Limits | None = None,
     least: float = 0.0,
-    ease: float = 1.0,
-    as_found: bool = False,
-    falls_first: bool = False,
-) -> Trajectory | None:
-    """Return a trajectory from path time 0 between two states, if the search finds one.
+) -> Trajectory:
+    """Return a trajectory from path time 0 between two states.
 
-    The velocity and the acceleration may be as high as at the ends, and otherwise keep *limits*
-    with their reserve.  The trajectory makes no unnecessary whole turn: it turns at most by the
-    angle between both orientations plus the turn of a stop from either end.
+    It begins as a stop, a turn and a run-up.  If a shorter one is found, that replaces it; it makes
+    no unnecessary whole turn: it turns at most by the angle between both orientations plus the turn
+    of a stop from either end.
 
     Args:
         start: initial state.
         end: final state.
-        limits: limits to keep.
+        limits: with their reserve; velocity and acceleration may be as high as at the ends.
+        own: limits of the stop.
         period: the trajectory takes a whole number of periods, s.
-        own: limits of the velocity while the initial acceleration falls; by default *limits*.
         least: least duration, s.
-        ease: factor of the jerk with its reserve, if it is needed to stay below the velocity limit.
-        as_found: whether to skip shortening.
-        falls_first: whether the acceleration falls first in any case.
+
+    Raises:
+        PlanError: it takes longer than the longest allowed motion.
     """
-    q, w = np.empty((_MOST_JOINS, 4)), np.empty((_MOST_JOINS, FACTORS, 3))
-    breaks = np.empty(_MOST_JOINS + 1)
-    within = limits.with_reserve(CONNECTOR_RESERVE)
-    stops = turn_to_stop(start, within) + turn_to_stop(end, within)
-    count = kernels.connect(
-        state_row(start),
-        state_row(end),
-        limit_table(within),
-        limit_table(limits if own is None else own),
-        period,
-        least,
-        LONGEST,
-        _TURN_SLACK * (float(angle(start.q, end.q)) + stops),
-        ease,
-        as_found,
-        falls_first,
-        q,
-        w,
-        breaks,
-    )
-    return joins(q[:count], w[:count], breaks[: count + 1]) if count else None
+    stops = turn_to_stop(start, limits) + turn_to_stop(end, limits)
+    most_turn = _TURN_SLACK * (float(angle(start.q, end.q)) + stops)
+    tables = limit_table(limits), limit_table(own)
+    states = state_row(start), state_row(end)
+    return _of_joins(kernels.connect, *states, *tables, period, least, LONGEST, most_turn)
+
+
+def stop(state: State, *, limits: Limits, period: float) -> Trajectory:
+    """Return the quickest stop of three phases of constant jerk, over ``[0, T]``.
+
+    Args:
+        state: initial state.
+        limits: with their reserve.
+        period: the stop takes a whole number of periods, s.
+
+    Raises:
+        PlanError: it takes longer than the longest allowed motion.
+    """
+    return _of_joins(kernels.stop, state_row(state), limit_table(limits), period, LONGEST)
+
+
+def _of_joins(kernel: Callable[..., int], *given: Floats | float) -> Trajectory:
+    room = _MOST_JOINS
+    while True:
+        q, w, breaks = np.empty((room, 4)), np.empty((room, FACTORS, 3)), np.empty(room + 1)
+        count = kernel(*given, q, w, breaks)
+        if not count:
+            raise PlanError(f"a stop takes too long, at most {LONGEST:g} s is planned")
+        if count <= room:
+            return joins(q[:count], w[:count], breaks[: count + 1])
+        room = count
 
 
 def connector_lasting(
@@ -217,9 +220,7 @@ def connector_lasting(
     found = connector(
         start, end, limits=limits, own=own, period=whole, least=duration - 0.5 * whole
     )
-    return (
-        found if found is not None and abs(found.duration - duration) < _SAME * duration else None
-    )
+    return found if abs(found.duration - duration) < _SAME * duration else None
 
 
 def turn_to_stop(state: State, limits: Limits) -> float:

@@ -2,10 +2,9 @@ r"""Lead-ins from the state of a device to the first keyframe, and lead-outs fro
 
 From rest a lead-in is an **approach**, a turn about one axis from rest to rest.  If the first
 keyframe has a velocity, a **run-up** follows: the mirror image in time of a lead-out from
-:math:`(q, -\omega, \alpha)`.  From a motion, a lead-in is a connector.  If none is found, it is a
-stop and then a lead-in from rest, so a lead-in always exists.  A **lead-out** begins in the final
-state :math:`(q, \omega, \alpha)` of a motion and comes to rest; ``orientd/kernels/c/leave.c`` has
-its formulas.  Each takes the shortest whole number of periods that keeps the limits.
+:math:`(q, -\omega, \alpha)`.  From a motion, a lead-in is a connector.  A **lead-out** begins in the
+final state :math:`(q, \omega, \alpha)` of a motion and comes to rest; ``orientd/kernels/c/stop.c``
+has its formulas.  Each takes a whole number of periods.
 """
 
 from __future__ import annotations
@@ -15,21 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd import kernels
 from orientd.curves.axis_turn import AxisTurn
 from orientd.curves.trajectory import Trajectory
 from orientd.errors import PlanError
-from orientd.model.limits import LONGEST, Limits, is_still
-from orientd.planner.certify.measuring import limit_table
-from orientd.planner.connect.connector import (
-    CONNECTOR_RESERVE,
-    FACTORS,
-    connector,
-    hold,
-    join,
-    joins,
-    state_row,
-)
+from orientd.model.limits import Limits, is_still
+from orientd.planner.connect.connector import FACTORS, connector, hold, join, stop
 from orientd.planner.connect.position_stop import check_lead, position_lead
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
 from orientd.planner.state import State
@@ -37,8 +26,16 @@ from orientd.planner.timing.axis_turn import phases_of_turn
 from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
+
+LEAD_SHARE = 0.985
+"""Share of acceleration and jerk that leads use.
+
+It is more than that of timings.  So a device that brakes as a timing does has room for a lead.
+"""
+
 _SLACK = 1e-9  # of a period
-_EASED = 0.993  # share of the jerk, beyond which a stop would take far longer
+_ROUNDING = 1e-9  # of a velocity
+_SHARES = np.linspace(0.0, 1.0, 65)  # of a lead-out, at which its velocity is looked at
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,55 +53,9 @@ class LeadIn:
     positions: PositionPath
 
 
-@dataclass(frozen=True, slots=True)
-class Connection:
-    """One kind of connection with a running motion; the planner tries several in order.
-
-    Attributes:
-        name: name in reports.
-        share: usable share of the limits.
-        has_reserve: whether acceleration and jerk keep the reserve of a connector.
-        ease: usable share of the jerk if its reserve would make the velocity too high.
-        falls_first: whether the acceleration falls first.
-        as_found: whether to keep the connector as found, longer than the limits require.
-        rests: whether it is a stop followed by a lead-in from rest.
-    """
-
-    name: str
-    share: float = 1.0
-    has_reserve: bool = True
-    ease: float = _EASED
-    falls_first: bool = False
-    as_found: bool = False
-    rests: bool = False
-
-    def limits(self, limits: Limits) -> Limits:
-        """Return the limits for :func:`.connector`, which keeps its reserve below them."""
-        if self.has_reserve:
-            return limits.scaled(self.share)
-        return limits.with_reserve(self.share / CONNECTOR_RESERVE)
-
-
-USUAL = Connection("the shortest connector")
-WITHOUT_RESERVE: tuple[Connection, ...] = (
-    Connection("a connector without a reserve", 0.9995, has_reserve=False),
-    Connection("a connector with hardly any reserve", 0.998, has_reserve=False),
-    Connection("a connector with little reserve", 0.994, has_reserve=False),
-)
-"""Also tried if the reserve would make a device overshoot."""
-CONNECTIONS: tuple[Connection, ...] = (
-    USUAL,
-    # Between two setpoints the path exceeds the jerk's reserve.
-    Connection("a connector with more of the jerk's reserve", ease=0.985),
-    # The acceleration begins just below a limit.
-    Connection("a connector after the acceleration has fallen", falls_first=True),
-    Connection("a connector with 98 % of the limits", 0.98),
-    # The state is at the limits already.
-    *WITHOUT_RESERVE,
-    Connection("a longer connector", 0.9994, has_reserve=False, as_found=True),
-    Connection("a stop, and the way from rest", 0.97, rests=True),
-)
-"""A peak between the sampled points that triggers the next attempt."""
+def reserved(limits: Limits, *, is_even: bool = False) -> Limits:
+    """Return the limits of a lead: with the usual reserve, or with that of an even pace."""
+    return limits.with_reserve() if is_even else limits.with_reserve(LEAD_SHARE)
 
 
 def lead_in(
@@ -115,7 +66,6 @@ def lead_in(
     own: Limits,
     period: float,
     is_direct: bool = False,
-    connection: Connection = USUAL,
     is_even: bool = False,
 ) -> LeadIn:
     """Return the lead-in from a state to the first keyframe.
@@ -123,36 +73,21 @@ def lead_in(
     Args:
         first: state at the first keyframe; its position is at rest.
         own: limits for a stop, if *limits* are those of a slower pace and do not allow it.
-        is_direct: whether to look for a connector from rest too.
-        is_even: whether a lead-in from rest has an even pace instead of the fastest one.
+        is_direct: whether to use a connector from rest too.
+        is_even: whether the lead-in keeps the reserve of an even pace, and an approach has one.
 
     Raises:
-        PlanError: the first keyframe cannot be passed with the velocity of *first*.
+        PlanError: it takes longer than the longest allowed motion.
     """
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period, is_even=is_even)
-    within = connection.limits(limits)
-    positions = position_lead(start, first.position, limits=within, period=period)
+    positions = position_lead(start, first.position, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
-    found = None
-    if not connection.rests:
-        found = connector(
-            start,
-            first,
-            limits=within,
-            own=limits,
-            period=period,
-            least=least,
-            ease=connection.ease / CONNECTOR_RESERVE if connection.has_reserve else 1.0,
-            as_found=is_even or connection.as_found,
-            falls_first=connection.falls_first,
-        )
-    if found is None:
-        stopped = connection.limits(own)
-        return _by_way_of_rest(start, first, positions, limits=within, own=stopped, period=period)
+    within, stopping = (reserved(one, is_even=is_even) for one in (limits, own))
+    found = connector(start, first, limits=within, own=stopping, period=period, least=least)
     if not positions.is_held:
         positions = position_lead(
-            start, first.position, limits=within, period=period, least=found.duration
+            start, first.position, limits=limits, period=period, least=found.duration
         )
     return LeadIn((found,), round(found.duration / period), positions)
 
@@ -180,7 +115,7 @@ def from_rest(
     if not is_still(first.omega_body, first.alpha_body, limits):
         try:
             mirrored = State(first.q, -first.omega_body, first.alpha_body, first.position)
-            run_up = lead_out(mirrored, limits=limits, period=period)
+            run_up = lead_out(mirrored, limits=limits, period=period, is_even=is_even)
         except PlanError as error:
             raise PlanError(f"no run-up to the first keyframe: {error}") from error
         rest = run_up.ends()[0][1]
@@ -205,50 +140,34 @@ def from_rest(
     return LeadIn(tuple(parts), cycles, positions)
 
 
-def _by_way_of_rest(
-    start: State,
-    first: State,
-    positions: PositionPath,
-    *,
-    limits: Limits,
-    own: Limits,
-    period: float,
-) -> LeadIn:
-    """Return a stop at any orientation, and the lead-in from rest there."""
-    try:
-        stop = lead_out(start, limits=limits, period=period, may_ramp=True)
-    except PlanError:
-        stop = lead_out(start, limits=own, period=period, may_ramp=True)
-    halt = stop.duration
-    rest = State.at_rest(stop.ends()[0][1], first.position)
-    least = 0 if positions.is_held else round((float(positions.breaks[-1]) - halt) / period)
-    onward = from_rest(rest, first, limits=limits, period=period, least=least)
-    parts = [stop, *(part.shifted(halt) for part in onward.parts)]
-    return LeadIn(tuple(parts), round(halt / period) + onward.cycles, positions)
-
-
-def lead_out(start: State, *, limits: Limits, period: float, may_ramp: bool = False) -> Trajectory:
+def lead_out(start: State, *, limits: Limits, period: float, is_even: bool = False) -> Trajectory:
     """Return the trajectory from a state to rest, over ``[0, T]``.
 
     Args:
         start: the state.
-        may_ramp: whether the acceleration may first change at the jerk limit, if that is faster.
+        limits: to keep; the velocity may be as high as in *start*.
+        period: the lead-out takes a whole number of periods, s.
+        is_even: as in :func:`reserved`.
 
     Raises:
-        PlanError: no allowed duration keeps the limits.
+        PlanError: the velocity rises above its limit before the acceleration has fallen, or the
+            lead-out takes longer than the longest allowed motion.
     """
-    q, w, breaks = np.empty((2, 4)), np.empty((2, FACTORS, 3)), np.empty(3)
-    table = limit_table(limits.with_reserve())
-    count = kernels.leave(state_row(start), table, period, LONGEST, may_ramp, q, w, breaks)
-    if count:
-        return joins(q[:count], w[:count], breaks[: count + 1])
-    check_lead("a lead", float(breaks[1]))
-    raise PlanError(
-        f"between rest and {np.linalg.norm(start.omega_body):.4g} rad/s with "
-        f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2 none keeps the limits of "
-        f"{limits.velocity:g} rad/s, {limits.acceleration:g} rad/s^2 and {limits.jerk:g} rad/s^3; "
-        "use a lower velocity there, or allow more time"
-    )
+    found = stop(start, limits=reserved(limits, is_even=is_even), period=period)
+    speeds = found.sample(found.duration * _SHARES)[1]
+    for rates, most in (
+        (np.sqrt(np.einsum("ij,ij->i", speeds, speeds)), limits.velocity),
+        (np.abs(speeds), np.array(limits.axis_velocity)),
+    ):
+        allowed = np.maximum(most, rates[0]) * (1.0 + _ROUNDING)
+        if (rates.max(axis=0) > allowed).any():
+            raise PlanError(
+                f"between rest and {np.linalg.norm(start.omega_body):.4g} rad/s with "
+                f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2 none keeps the limits of "
+                f"{limits.velocity:g} rad/s, {limits.acceleration:g} rad/s^2 and "
+                f"{limits.jerk:g} rad/s^3; use a lower velocity there, or allow more time"
+            )
+    return found
 
 
 def approach_cycles(turn: Trajectory | None, move: float, *, limits: Limits, period: float) -> int:

@@ -5,6 +5,7 @@ import pytest
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.connect.connector import connector
+from orientd.planner.connect.leads import reserved
 from orientd.rotation import exp
 
 NORMS = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
@@ -55,26 +56,20 @@ def rising_state(share):
     return State(q, omega * axis, size * axis, np.zeros(3))
 
 
-def test_an_acceleration_that_has_to_falls_in_whole_cycles_below_the_limit():
-    state = rising_state(0.9989)
-    goal = State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
-    segment = connector(state, goal, limits=SLOW, period=PERIOD, falls_first=True)
-    falls = segment.knots[1:3]
-    assert [round(1000 * fall) for fall in falls] == [82, 84]
-    times = np.linspace(0.0, falls[1], 100)
+@pytest.mark.parametrize("share", [0.9, 0.97, 0.9989])
+def test_an_acceleration_below_the_limit_of_the_velocity_falls_in_time(share):
+    state, goal = rising_state(share), State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
+    segment = connector(state, goal, limits=reserved(SLOW), own=reserved(SLOW), period=PERIOD)
+    times = np.linspace(0.0, segment.duration, 2000)
     _, omega, alpha = segment.sample(times)
-    speeds = np.linalg.norm(omega, axis=1)
-    assert np.linalg.norm(alpha[-1]) <= 1e-12
-    assert 0.9989 * SLOW.velocity <= speeds[-1] <= SLOW.velocity
-    assert speeds.max() <= SLOW.velocity
+    assert np.linalg.norm(omega, axis=1).max() <= SLOW.velocity
+    assert np.linalg.norm(alpha, axis=1).max() <= SLOW.acceleration
     jerk = np.diff(alpha, axis=0) / np.diff(times)[:, None]
     assert np.linalg.norm(jerk, axis=1).max() <= SLOW.jerk
 
 
 def test_an_acceleration_that_may_go_on_does():
     state, goal = rising_state(0.9), State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
-    went_on, fell = (
-        connector(state, goal, limits=SLOW, period=PERIOD, falls_first=falls_first)
-        for falls_first in (False, True)
-    )
-    assert went_on.duration < fell.duration
+    segment = connector(state, goal, limits=reserved(SLOW), own=reserved(SLOW), period=PERIOD)
+    # Where the acceleration falls first, it takes 1.296 s.
+    assert segment.duration < 1.28

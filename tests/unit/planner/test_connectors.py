@@ -9,13 +9,15 @@ from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.measuring import limit_table
 from orientd.planner.connect.connector import connector, joins, state_row, try_joins
+from orientd.planner.connect.leads import reserved
 from orientd.planner.timing.axis_turn import double_s
 from orientd.rotation import angle, conjugate, exp, log, multiply, normalize
 
 PERIOD = 0.002
 FAR = 100.0  # rad, that a connector may turn
+NOT_AT_ALL = -1.0  # rad; the way by rest is kept
 LONGEST = 86_400.0  # s
-MOST_JOINS = 36
+MOST_JOINS = 1024
 UNLIMITED = Limits.partial()
 LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
 
@@ -27,14 +29,12 @@ def random_state(rng, speed):
     )  # fmt: skip
 
 
-def joined(start, end, limits, period, least=0.0, *, as_found=False):
+def joined(start, end, limits, period, least=0.0, *, most_turn=FAR):
     """Return orientations, increments and times of the connector that the kernel finds."""
     found = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
-    tables = limit_table(limits.with_reserve()), limit_table(UNLIMITED)
+    tables = 2 * (limit_table(limits.with_reserve()),)
     states = state_row(start), state_row(end)
-    count = kernels.connect(
-        *states, *tables, period, least, LONGEST, FAR, 1.0, as_found, False, *found
-    )  # fmt: skip
+    count = kernels.connect(*states, *tables, period, least, LONGEST, most_turn, *found)
     q, w, times = found
     return (q[:count], w[:count], times[: count + 1]) if count else None
 
@@ -44,7 +44,7 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
     rng = np.random.default_rng(4)
     for _ in range(12):
         start, end = random_state(rng, speed), random_state(rng, speed)
-        found = connector(start, end, limits=LIMITS[0], period=PERIOD)
+        found = connected(start, end, LIMITS[0])
         q, omega, alpha = found.ends()
         for k, state in enumerate((start, end)):
             assert angle(q[k], state.q) <= 1e-13
@@ -54,6 +54,12 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
         before, after = (found.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
         for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
             assert np.abs(part - other).max(initial=0.0) <= bound
+
+
+def connected(start, end, limits):
+    """Return the connector that a motion uses."""
+    within = reserved(limits)
+    return connector(start, end, limits=within, own=within, period=PERIOD)
 
 
 def test_the_same_states_give_the_same_bits():
@@ -122,13 +128,13 @@ def test_arrays_of_other_shapes_are_refused(place):
     rows = [np.zeros(shape) for shape in shapes]
     out = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
     with pytest.raises(ValueError, match="do not belong together"):
-        kernels.connect(*rows, PERIOD, 0.0, LONGEST, FAR, 1.0, False, False, *out)
+        kernels.connect(*rows, PERIOD, 0.0, LONGEST, FAR, *out)
 
 
 def shortened(start, end, limits, period, least=0.0):
-    """Return the times of the connector that is found, and what it is shortened to, if it is."""
+    """Return the times of the way by rest, and what it is shortened to, if it is."""
     way, shorter = (
-        joined(start, end, limits, period, least, as_found=as_found) for as_found in (True, False)
+        joined(start, end, limits, period, least, most_turn=most) for most in (NOT_AT_ALL, FAR)
     )
     assert way is not None
     is_shorter = shorter[2][-1] < way[2][-1]
@@ -153,13 +159,14 @@ def shares(curve, limits):
 @pytest.mark.parametrize("has_end_velocity", [False, True])
 def test_a_shortened_connector_is_shorter_and_keeps_the_limits(limits, has_end_velocity):
     rng = np.random.default_rng(9)
-    ratios = []
+    ratios, by_rest = [], []
     for _ in range(30):
         start, end = random_state(rng, 0.3), random_state(rng, 0.3 * has_end_velocity)
         times, curve = shortened(start, end, limits, PERIOD)
         if curve is None:
             continue
-        ratios.append(curve.domain[1] / times[-1])
+        by_rest.append(curve.domain[1] / times[-1])
+        ratios.append(curve.domain[1] / single_join(start, end, limits.with_reserve()))
         assert round(curve.domain[1] / PERIOD) * PERIOD == pytest.approx(curve.domain[1], abs=1e-12)
         reserved = limits.with_reserve()
         around = [
@@ -174,8 +181,19 @@ def test_a_shortened_connector_is_shorter_and_keeps_the_limits(limits, has_end_v
         assert omega == pytest.approx(end.omega_body, abs=1e-12)
         assert alpha == pytest.approx(end.alpha_body, abs=1e-9)
     assert len(ratios) >= 28
-    assert max(ratios) < 1.0
+    assert max(by_rest) < 1.0
     assert np.median(ratios) <= 0.93
+
+
+def single_join(start, end, limits):
+    """Return the duration of the shortest quintic that keeps the limits, infinite if none does."""
+    durations = np.arange(0.1, 10.0, 0.01)
+    first, last = (
+        [np.tile(part, (len(durations), 1)) for part in (one.q, one.omega_body, one.alpha_body)]
+        for one in (start, end)
+    )
+    _, kept = try_joins(first, last, durations, start, limits)
+    return durations[kept[0]] if len(kept) else np.inf
 
 
 def shares_of(state, limits):
@@ -195,23 +213,21 @@ def test_a_device_that_gains_speed_just_below_its_limit_has_a_connector():
     start = state(np.zeros(3), (1.251, -1.022, 1.277), (7.54, -7.7, 11.59))
     end = state((-0.174, 0.056, 0.055), (0.967, 0.077, -0.686))
     _, curve = shortened(start, end, limits, PERIOD)
-    assert curve.domain[1] <= 0.65  # 0.76 before it is shortened
+    assert curve.domain[1] <= 0.65
 
 
-def test_a_guess_is_shortened_where_no_connector_is_found():
+def test_a_device_that_rises_beside_a_limit_is_not_led_by_way_of_rest():
     limits = Limits(2.5, 17.0, 300.0, 1.0, 10.0, axis_velocity=(2.0, 0.7, 1.5))
     start = state(np.zeros(3), (1.956, -0.02, -0.048), (4.57, -11.72, -0.29))
-    end = state((0.14, -1.28, 0.83), (-0.1, 0.2, 0.34))
-    assert joined(start, end, limits, PERIOD, as_found=True) is None
-    way = connector(start, end, limits=limits, period=PERIOD)
-    assert way.duration <= 1.4  # by way of rest it is 2.03
-    velocity, acceleration, jerk = shares(way, limits)
-    assert max(velocity, acceleration, jerk) <= 1.0
+    goal, velocity = Keyframe(tuple(exp(np.array((0.14, -1.28, 0.83))).tolist())), (-0.1, 0.2, 0.34)
+    request = MotionRequest([goal], end_velocity=velocity)
+    motion = plan(request, start=start, limits=limits, period=PERIOD)
+    assert motion.end_time <= 1.4  # by way of rest it is 2.03
 
 
 NORMS = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
 ON_THE_VERGE = [
-    # 1.91 s with a connector as it is found
+    # 1.91 s with a connector of quintic pieces
     ((1.90985, 0.49148, 0.64849), (7.25734, 0.48637, -4.34911), (1.12, 0.23, 1.58),
      NORMS.with_rates({"velocity": [2.0, 0.7, 1.5]})),
     # refused with as little of the jerk's reserve as others have
@@ -235,17 +251,42 @@ def test_a_shortened_connector_from_rest_to_rest_is_the_quickest_turn():
         turn = rng.uniform(0.2, 2.5) * axis / np.linalg.norm(axis)
         start = State.at_rest(normalize(rng.normal(size=4)))
         end = State.at_rest(multiply(start.q, exp(turn)))
-        _, curve = shortened(start, end, limits, PERIOD)
+        curve = joins(*joined(start, end, limits, PERIOD))
         reserved = limits.with_reserve()
         rates = reserved.velocity, reserved.acceleration, reserved.jerk
         least = float(double_s(float(np.linalg.norm(turn)), *rates).sum())
-        assert least <= curve.domain[1] <= 1.015 * least + PERIOD
+        assert least <= curve.domain[1] + 1e-12
+        assert curve.domain[1] <= least + PERIOD
 
 
 def test_a_shortened_connector_takes_the_time_that_it_must():
     rng = np.random.default_rng(12)
     start, end = random_state(rng, 0.3), random_state(rng, 0.0)
-    times, _ = shortened(start, end, DEFAULT_LIMITS, PERIOD)
+    times, curve = shortened(start, end, DEFAULT_LIMITS, PERIOD)
+    least = 0.5 * (curve.domain[1] + times[-1])
+    _, longer = shortened(start, end, DEFAULT_LIMITS, PERIOD, least)
+    assert least <= longer.domain[1] <= 1.01 * least + PERIOD
     least = 1.1 * times[-1]
-    times, curve = shortened(start, end, DEFAULT_LIMITS, PERIOD, least)
-    assert least <= (times[-1] if curve is None else curve.domain[1]) <= times[-1]
+    way, curve = shortened(start, end, DEFAULT_LIMITS, PERIOD, least)
+    assert curve is None
+    assert least <= way[-1] <= least + PERIOD
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_a_way_by_rest_leads_from_any_state_to_any_other(limits):
+    rng = np.random.default_rng(13)
+    for _ in range(20):
+        start, end = random_state(rng, 0.3), random_state(rng, 0.3)
+        curve = joins(*joined(start, end, limits, PERIOD, most_turn=NOT_AT_ALL))
+        q, omega, alpha = curve.ends()
+        for k, state in enumerate((start, end)):
+            assert angle(q[k], state.q) <= 1e-11
+            assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
+            assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
+        reserved_limits = limits.with_reserve()
+        around = max(shares_of(state, reserved_limits)[1] for state in (start, end))
+        _, acceleration, jerk = shares(curve, reserved_limits)
+        assert acceleration <= max(1.0, around) + 1e-3
+        assert jerk <= 1.0 + 1e-2
+        cycles = curve.domain[1] / PERIOD
+        assert cycles == pytest.approx(round(cycles), abs=1e-9)

@@ -9,11 +9,11 @@ from orientd.errors import PlanError
 from orientd.model.limits import is_still
 from orientd.planner import Limits, State
 from orientd.planner.connect.connector import connector
-from orientd.planner.connect.leads import approach, approach_cycles, from_rest, lead_out
+from orientd.planner.connect.leads import LEAD_SHARE, approach, approach_cycles, from_rest, lead_out
 from orientd.planner.timing.axis_turn import usable
 from orientd.rotation import angle, conjugate, exp, log, multiply
 
-ARM = LIMITS["arm"]
+ARM, SOFT = LIMITS["arm"], LIMITS["soft"]
 
 
 def state(seed, speed, size, *, parallel=False):
@@ -79,24 +79,41 @@ def test_a_lead_out_takes_whole_periods():
         assert cycles == pytest.approx(round(cycles), abs=1e-9)
 
 
-def test_the_velocity_falls_along_the_cubic_where_vectors_are_parallel():
-    _, omega, alpha, curve = lead(3, 1.2, 6.0, parallel=True)
-    t = curve.domain[1]
-    u = np.linspace(0, 1, 21)[:, None]
-    expected = omega * (1 - 3 * u**2 + 2 * u**3) + alpha * t * (u - 2 * u**2 + u**3)
-    assert curve.sample(u[:, 0] * t)[1] == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_shortest_fall_from_a_velocity_is_the_closed_form():
-    # The cubic falls with at most 1.5 |omega| / T and a jerk of 6 |omega| / T^2.
-    *_, curve = lead(4, 2.0, 0.0)
-    shortest = max(1.5 * 2.0 / (0.95 * ARM.acceleration), math.sqrt(6 * 2.0 / (0.95 * ARM.jerk)))
+@pytest.mark.parametrize(("speed", "limits"), [(2.0, ARM), (0.3, ARM), (0.3, SOFT)])
+def test_the_shortest_fall_from_a_velocity_is_the_closed_form(speed, limits):
+    # Half a double S: the acceleration rises and falls at the largest jerk.
+    _, omega, _, curve = lead(4, speed, 0.0, limits)
+    _, most, jerk = (LEAD_SHARE * one for one in limits.along((omega / speed).tolist()))
+    is_long = speed * jerk > most**2
+    shortest = speed / most + most / jerk if is_long else 2.0 * math.sqrt(speed / jerk)
     assert shortest <= curve.domain[1] < shortest + PERIOD
 
 
-def test_an_acceleration_without_velocity_returns_to_where_it_was():
-    q, _, _, curve = lead(5, 0.0, 8.0)
-    assert angle(curve.sample(np.array([curve.domain[1]]))[0][0], q) < 1e-12
+@pytest.mark.parametrize("size", [-6.0, 6.0])
+def test_a_stop_about_one_axis_stays_about_it(size):
+    q, omega, _, curve = lead(3, 1.2, size, parallel=True)
+    axis = omega / np.linalg.norm(omega)
+    turned, rates, _ = curve.sample(curve.duration * np.linspace(0.0, 1.0, 21))
+    assert np.abs(rates - (rates @ axis)[:, None] * axis).max() <= 1e-12
+    way = log(multiply(conjugate(q), turned[-1]))
+    assert way == pytest.approx((way @ axis) * axis, abs=1e-12)
+
+
+def test_a_stop_uses_all_of_its_share_of_the_limits():
+    limits, uses = SOFT, []
+    for seed in range(20):
+        *_, curve = lead(seed, 0.6 * limits.velocity, 0.6 * limits.acceleration, limits)
+        times = np.linspace(0.0, curve.domain[1], 4001)
+        alpha = curve.sample(times)[2]
+        jerk = np.linalg.norm(np.diff(alpha, axis=0), axis=1) / times[1]
+        uses.append(
+            [
+                np.linalg.norm(alpha, axis=1).max() / limits.acceleration,
+                jerk.max() / limits.jerk,
+            ]
+        )
+    assert np.max(uses) <= LEAD_SHARE + 1e-3
+    assert np.min(np.max(uses, axis=1)) >= 0.95 * LEAD_SHARE
 
 
 def test_a_fall_of_more_than_half_a_turn_keeps_its_way():
@@ -175,7 +192,8 @@ def test_leads_that_would_take_days_are_refused(jerk):
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         lead_out(State(here, omega, nowhere, nowhere), limits=slow, period=PERIOD)
     start, end = State(here, omega, nowhere, nowhere), State.at_rest(there)
-    assert connector(start, end, limits=slow, period=PERIOD) is None
+    with pytest.raises(PlanError, match="at most 86400 s is planned"):
+        connector(start, end, limits=slow, own=slow, period=PERIOD)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3])
