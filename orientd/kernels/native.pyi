@@ -56,11 +56,11 @@ def try_joins(
 ) -> None: ...  # fmt: skip
 def connect(
     start: Floats, end: Floats, limits: Floats, own: Floats, period: float, least: float,
-    longest: float, most_turn: float, q: Floats, w: Floats, breaks: Floats, /,
+    longest: float, most_turn: float, breaks: Floats, pieces: Floats, /,
 ) -> int: ...  # fmt: skip
 def stop(
-    state: Floats, limits: Floats, period: float, longest: float, q: Floats, w: Floats,
-    breaks: Floats, /,
+    state: Floats, limits: Floats, period: float, longest: float, breaks: Floats,
+    pieces: Floats, /,
 ) -> int: ...  # fmt: skip
 def fill_basis(
     spans: Indices, knots: Floats, order: int,

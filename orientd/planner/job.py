@@ -11,13 +11,13 @@ import numpy as np
 from orientd.curves.contract import METHODS
 from orientd.curves.trajectory import Trajectory
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.model.limits import LONGEST, Limits, is_still
+from orientd.model.limits import LONGEST, UNITS, Limits, is_still
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
 from orientd.planner.certify.measuring import measure
 from orientd.planner.certify.summary import before, summed_up
 from orientd.planner.connect.connector import join_in
-from orientd.planner.connect.leads import LeadIn, lead_in, lead_out
+from orientd.planner.connect.leads import LEAD_SHARE, LeadIn, lead_in, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
@@ -34,6 +34,7 @@ _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 _MOST_LEADS = 3  # of one path, until their records keep the limits
 _BELOW = 0.98  # share of a limit that the next leads use
+_ALL = 0.9995  # share of the limits, which leaves something to the law between two records
 _FAR_OVER = 1.1  # excess that leads with less acceleration do not help
 
 
@@ -313,7 +314,8 @@ class PlanJob:
     def motion(self, path: KeyframePath | State, name: str, *notes: str) -> Motion:
         """Return the motion with its leads and its certificate.
 
-        If the records of a lead exceed a limit, the next leads use less by the excess.
+        If the records of a lead exceed a limit, the next leads use less of acceleration and jerk by
+        the excess.  If they exceed that of the velocity, the next leads use all of both.
 
         Args:
             path: from the first keyframe to the last; or the state at a single one.
@@ -336,7 +338,9 @@ class PlanJob:
                 over = error.value / error.limit
                 if not is_in_lead or count == _MOST_LEADS or not 1.0 < over < _FAR_OVER:
                     raise
-                share *= _BELOW / over
+                # A velocity that still rises stops rising sooner with all of the limits.
+                is_rising = error.unit == UNITS["velocity"]
+                share = _ALL / LEAD_SHARE if is_rising else share * _BELOW / over
         raise PlanError("no lead was tried")
 
     def certified(self, whole: KeyframePath, name: str) -> Motion:

@@ -128,6 +128,12 @@ enum { MOST_NODES = 16384 };
 bool new_phases(motion_t state, phases_t *to);
 void free_phases(phases_t *phases);
 
+/* Add the state that a phase of constant jerk leads to, and those between its parts.
+ *
+ * omega, alpha: velocity and acceleration at its end.
+ * bent_part: longest turn of a part whose axis changes, rad. */
+bool add_parts(phases_t *to, vec_t omega, vec_t alpha, double duration, double bent_part);
+
 /* Add the quickest stop from a state; false where it takes longer than longest, s.
  *
  * limits: of acceleration and jerk, shape (3, 4).
@@ -141,15 +147,14 @@ bool add_stop(const motion_t *state, matrix_t limits, double period, double long
 bool by_way_of_rest(const motion_t *start, const motion_t *end, matrix_t limits, matrix_t own,
                     double period, double least, double longest, phases_t *to);
 
-/* Write phases as joins, and return how many there are; nothing where there is no room for them.
+/* Write phases as a trajectory, and return how many pieces it has; nothing where there is no room for
+ * them.
  *
- * q: receives the orientations that they begin at, shape (n, 4).
- * w: receives their increments, shape (n, 5, 3).
- * breaks: receives when they begin, and when the last one ends, s, shape (n + 1,). */
-index_t put_phases(const phases_t *phases, matrix_t q, tensor_t w, row_t breaks);
+ * breaks, pieces: receive the table, shapes (n + 1,) and (n, PIECE). */
+index_t put_phases(const phases_t *phases, row_t breaks, matrix_t pieces);
 
-/* Write the joins of a stop, and return how many there are; 0 where it takes too long. */
-index_t stop_from(row_t state, matrix_t limits, double period, double longest, matrix_t q,
-                  tensor_t w, row_t breaks);
+/* Write the trajectory of a stop, and return how many pieces it has; 0 where it takes too long. */
+index_t stop_from(row_t state, matrix_t limits, double period, double longest, row_t breaks,
+                  matrix_t pieces);
 
 #endif

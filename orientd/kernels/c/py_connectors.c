@@ -2,6 +2,7 @@
 #include "binding.h"
 #include "connectors.h"
 #include "shorten.h"
+#include "trajectory.h"
 
 static bool is_matrix(matrix_t a, index_t n, index_t m) { return a.n == n && a.m == m; }
 static bool is_tensor(tensor_t a, index_t n, index_t m, index_t k) {
@@ -17,25 +18,25 @@ KERNEL(try_joins) {
     Py_RETURN_NONE;
 }
 
-static bool are_joins(matrix_t q, tensor_t w, row_t breaks) {
-    return q.n > 0 && is_matrix(q, q.n, 4) && is_tensor(w, q.n, FACTORS, 3) && breaks.n == q.n + 1;
+static bool is_table(row_t breaks, matrix_t pieces) {
+    return is_matrix(pieces, breaks.n - 1, PIECE) && pieces.n > 0;
 }
 
 KERNEL(connect) {
-    TAKE("vvmmddddMTV");
+    TAKE("vvmmddddVM");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[3].m, 3, 4) && a[4].d > 0.0 && are_joins(a[8].m, a[9].t, a[10].v));
+    CHECK(is_matrix(a[3].m, 3, 4) && a[4].d > 0.0 && is_table(a[8].v, a[9].m));
     index_t found;
     RUN(found = connect_states(a[0].v, a[1].v, a[2].m, a[3].m, a[4].d, a[5].d, a[6].d, a[7].d,
-                               a[8].m, a[9].t, a[10].v));
+                               a[8].v, a[9].m));
     return PyLong_FromLongLong(found);
 }
 
 KERNEL(stop) {
-    TAKE("vmddMTV");
-    CHECK(a[0].v.n == STATE && is_matrix(a[1].m, 3, 4) && are_joins(a[4].m, a[5].t, a[6].v));
+    TAKE("vmddVM");
+    CHECK(a[0].v.n == STATE && is_matrix(a[1].m, 3, 4) && is_table(a[4].v, a[5].m));
     index_t found;
-    RUN(found = stop_from(a[0].v, a[1].m, a[2].d, a[3].d, a[4].m, a[5].t, a[6].v));
+    RUN(found = stop_from(a[0].v, a[1].m, a[2].d, a[3].d, a[4].v, a[5].m));
     return PyLong_FromLongLong(found);
 }
 

@@ -128,9 +128,8 @@ static const double INVERSE[] = {
     174611.0 / 802857662698291200000.0,
 };
 
-/* The derivatives of a rotation vector from angular velocity and acceleration in the body: the
- * inverse of the right Jacobian, v + r x v / 2 + k r x (r x v) (Sola et al., 2018, eq. 144). */
-static void put_rates(vec_t r, vec_t omega, vec_t alpha, double half, vec_t *rate, vec_t *change) {
+/* The inverse of the right Jacobian, v + r x v / 2 + k r x (r x v) (Sola et al., 2018, eq. 144). */
+void put_rates(vec_t r, vec_t omega, vec_t alpha, double half, vec_t *rate, vec_t *change) {
     double x = dot(r, r), k = 0.0, by_x = 0.0;
     for (int j = sizeof INVERSE / sizeof *INVERSE - 1; j >= 0; j--) {
         by_x = fused(x, by_x, k);

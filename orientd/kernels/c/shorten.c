@@ -1,4 +1,4 @@
-/* From a connector that was found to the spline that is shortened, and from that to joins. */
+/* From the way by rest to the spline that is shortened, and from that to phases. */
 #include "shorten.h"
 
 /* Times the way by rest, that a spline may take on its way to a shorter one. */
@@ -14,6 +14,8 @@ enum { TRIES = 2 };
 #define FINEST 8e-4
 /* Fewest periods of a connector that is shortened: of a shorter one little is left to gain. */
 #define FEWEST 6.0
+/* Rad, the longest turn of a piece. */
+#define LONGEST_BENT 0.5
 
 void put_given(spline_t *s) {
     int n = s->elements;
@@ -144,34 +146,29 @@ static vec_t turn_of(const spline_t *s) {
     return turn;
 }
 
-static index_t put_shorter(const spline_t *s, matrix_t joins, tensor_t increments, row_t breaks) {
+static bool put_shorter(const spline_t *s, phases_t *to) {
     int n = s->elements;
-    motion_t from = s->begin;
     double begun = 0.0;
+    to->count = 1;
     for (int k = 0; k < n; k++) {
-        motion_t to = {s->node[k + 1], velocity_at(s, k + 1), acceleration_at(s, k + 1)};
-        double share = k + 1 < n ? begun / s->duration + s->width[k] : 1.0;
+        bool is_last = k + 1 == n;
+        double share = is_last ? 1.0 : begun / s->duration + s->width[k];
         double ended = share * s->duration;
-        if (k + 1 == n)
-            to = s->end;
-        vec_t of[FACTORS];
-        put_increments(&from, &to, ended - begun, of);
-        breaks.v[k] = begun;
-        put_quat(row_of(joins, k), from.q);
-        for (int i = 0; i < FACTORS; i++)
-            put_vec(increments.v + (k * FACTORS + i) * 3, of[i]);
-        from = to, begun = ended;
+        vec_t omega = is_last ? s->end.omega : velocity_at(s, k + 1);
+        if (!add_parts(to, omega, acceleration_at(s, k + 1), ended - begun, LONGEST_BENT))
+            return false;
+        to->node[to->count - 1].q = is_last ? s->end.q : s->node[k + 1];
+        to->time[to->count - 1] = begun = ended;
     }
-    breaks.v[n] = begun;
-    return n;
+    return true;
 }
 
-index_t shorten_connector(const phases_t *rests, matrix_t limits, double period, double least,
-                          double most_turn, matrix_t q, tensor_t w, row_t breaks) {
+bool shorten_connector(phases_t *rests, matrix_t limits, double period, double least,
+                       double most_turn) {
     spline_t s;
     double total = rests->time[rests->count - 1];
-    if (!(total >= FEWEST * period && total > least + 0.5 * period && q.n >= ELEMENTS))
-        return 0;
+    if (!(total >= FEWEST * period && total > least + 0.5 * period))
+        return true;
     spline_t best;
     best.duration = total, best.elements = 0;
     outcome_t outcome = LOST;
@@ -189,5 +186,5 @@ index_t shorten_connector(const phases_t *rests, matrix_t limits, double period,
             && norm(turn_of(&s)) <= most_turn)
             best = s;
     }
-    return best.duration < total ? put_shorter(&best, q, w, breaks) : 0;
+    return !best.elements || put_shorter(&best, rests);
 }

@@ -68,28 +68,26 @@ outcome_t shorten(spline_t *spline, double period);
 
 /* shorten.c */
 
-/* Write the joins of a connector that is shorter than one by way of rest.  Return the number of
- * joins, or 0 if none is found.
+/* Replace the way by rest with a shorter connector, if one is found; false without memory.
  *
  * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
  * period: it takes a whole number of periods, s.
  * least: it takes at least this long, s.
- * most_turn: the integral of its angular velocity, body components, is no longer, rad.
- * q, w, breaks: as of put_phases, for at least ELEMENTS joins. */
-index_t shorten_connector(const phases_t *rests, matrix_t limits, double period, double least,
-                          double most_turn, matrix_t q, tensor_t w, row_t breaks);
+ * most_turn: the integral of its angular velocity, body components, is no longer, rad. */
+bool shorten_connector(phases_t *rests, matrix_t limits, double period, double least,
+                       double most_turn);
 
 /* connect.c */
 
-/* Write the joins of the shortest way found from one state to another, and return how many there
- * are; 0 if it takes too long.
+/* Write the trajectory of the shortest way found from one state to another, and return how many
+ * pieces it has; 0 if it takes too long.
  *
  * start, end: states, shape (10,).
  * own: limits of a stop from the start.
  * least, longest: that it may take, s.
  * The others are those of shorten_connector. */
 index_t connect_states(row_t start, row_t end, matrix_t limits, matrix_t own, double period,
-                       double least, double longest, double most_turn, matrix_t q, tensor_t w,
-                       row_t breaks);
+                       double least, double longest, double most_turn, row_t breaks,
+                       matrix_t pieces);
 
 #endif

@@ -12,11 +12,12 @@
 #include <stdlib.h>
 
 #include "connectors.h"
+#include "trajectory.h"
 
 #define STILL 1e-12        /* rad/s and rad, that count as none */
 #define SHORTEST 1e-8      /* s, of a phase */
-#define LONGEST_PART 1.5   /* rad, of a join about one axis */
-#define BENT_PART 0.05     /* rad, of one that is not */
+#define LONGEST_PART 0.9   /* rad, of a piece about one axis */
+#define BENT_PART 0.1      /* rad, of one that is not */
 
 #define WHOLE 1e-9         /* of a period, and of a phase */
 
@@ -24,15 +25,14 @@ enum { STEPS = 60 };
 
 typedef struct { vec_t line; double pull, times[3]; } stop_t;
 
-/* Add the state that a phase of constant jerk leads to: about a constant axis, or else by Magnus'
- * expansion of fourth order (Blanes et al. 2009, eq. 254). */
-static bool add_phase(phases_t *to, vec_t omega, vec_t alpha, double duration) {
+/* About a constant axis, or else by Magnus' expansion of fourth order (Blanes et al. 2009, eq. 254). */
+bool add_parts(phases_t *to, vec_t omega, vec_t alpha, double duration, double bent_part) {
     motion_t from = to->node[to->count - 1];
     vec_t jerk = times(1.0 / duration, minus(alpha, from.alpha));
     double turn = duration * fmax(norm(from.omega), norm(omega));
     vec_t bend = plus(cross(from.omega, from.alpha), cross(from.omega, jerk));
     bool is_bent = norm(bend) > STILL;
-    double parts = ceil(fmax(turn / (is_bent ? BENT_PART : LONGEST_PART), 1.0));
+    double parts = ceil(fmax(turn / (is_bent ? bent_part : LONGEST_PART), 1.0));
     if (!(to->count + parts <= MOST_NODES))
         return false;
     if (to->count + (index_t)parts > to->room) {
@@ -61,6 +61,10 @@ static bool add_phase(phases_t *to, vec_t omega, vec_t alpha, double duration) {
                                            is_last ? alpha : scaled_plus(t[2], jerk, from.alpha)};
     }
     return true;
+}
+
+static bool add_phase(phases_t *to, vec_t omega, vec_t alpha, double duration) {
+    return add_parts(to, omega, alpha, duration, BENT_PART);
 }
 
 static double along(const double most[4], vec_t line) {
@@ -260,28 +264,45 @@ bool by_way_of_rest(const motion_t *start, const motion_t *end, matrix_t limits,
     return is_done;
 }
 
-index_t put_phases(const phases_t *phases, matrix_t q, tensor_t w, row_t breaks) {
-    index_t count = 0;
-    breaks.v[0] = 0.0;
-    for (index_t k = 1; k < phases->count && phases->count - 1 <= q.n; k++) {
-        double h = phases->time[k] - phases->time[k - 1];
-        vec_t of[FACTORS];
-        put_increments(&phases->node[k - 1], &phases->node[k], h, of);
-        put_quat(row_of(q, count), phases->node[k - 1].q);
-        for (int i = 0; i < FACTORS; i++)
-            put_vec(w.v + (count * FACTORS + i) * 3, of[i]);
-        breaks.v[++count] = phases->time[k];
-    }
-    return phases->count - 1;
+/* Write a piece whose rotation vector has degree five, with given states at its ends. */
+static void put_piece(const motion_t *from, const motion_t *to, double duration, double *piece) {
+    vec_t none = vec(0.0, 0.0, 0.0), way = rotation_vector(from->q, to->q), rate[2], change[2];
+    put_rates(none, from->omega, from->alpha, 0.5 * duration, &rate[0], &change[0]);
+    put_rates(way, to->omega, to->alpha, 0.5 * duration, &rate[1], &change[1]);
+    /* Even and odd powers apart, by their values and derivatives at u = 1. */
+    vec_t middle = times(0.5, way), c[NODES];
+    vec_t even = times(0.5, minus(rate[1], rate[0])), odd = times(0.5, plus(rate[0], rate[1]));
+    vec_t even_bend = times(0.5, plus(change[0], change[1]));
+    vec_t odd_bend = times(0.5, minus(change[1], change[0])), rest = minus(odd, middle);
+    c[4] = times(0.125, minus(even_bend, even));
+    c[2] = scaled_plus(-2.0, c[4], times(0.5, even));
+    c[0] = minus(minus(middle, c[2]), c[4]);
+    c[5] = times(0.125, scaled_plus(-3.0, rest, odd_bend));
+    c[3] = scaled_plus(-2.0, c[5], times(0.5, rest));
+    c[1] = minus(minus(middle, c[3]), c[5]);
+    put_quat(piece, from->q);
+    for (int j = 0; j < NODES; j++)
+        put_vec(piece + 4 + 3 * j, j < 6 ? c[j] : none);
 }
 
-index_t stop_from(row_t state, matrix_t limits, double period, double longest, matrix_t q,
-                  tensor_t w, row_t breaks) {
+index_t put_phases(const phases_t *phases, row_t breaks, matrix_t pieces) {
+    index_t count = phases->count - 1;
+    breaks.v[0] = 0.0;
+    for (index_t k = 0; k < count && count <= pieces.n; k++) {
+        double duration = phases->time[k + 1] - phases->time[k];
+        put_piece(&phases->node[k], &phases->node[k + 1], duration, row_of(pieces, k));
+        breaks.v[k + 1] = phases->time[k + 1];
+    }
+    return count;
+}
+
+index_t stop_from(row_t state, matrix_t limits, double period, double longest, row_t breaks,
+                  matrix_t pieces) {
     phases_t phases;
     motion_t begin = state_at(state.v);
     index_t count = 0;
     if (new_phases(begin, &phases) && add_stop(&begin, limits, period, longest, &phases))
-        count = put_phases(&phases, q, w, breaks);
+        count = put_phases(&phases, breaks, pieces);
     free_phases(&phases);
     return count;
 }

@@ -71,6 +71,12 @@ INLINE vec_t polynomial_at(const double *c, double u) {
 
 /* retime.c */
 
+/* Write the first two derivatives of a rotation vector from angular velocity and acceleration in the
+ * body.
+ *
+ * half: s, in which the parameter changes by 1. */
+void put_rates(vec_t r, vec_t omega, vec_t alpha, double half, vec_t *rate, vec_t *change);
+
 /* Write the trajectory of a product of exponentials; see sampling.h.
  *
  * given: body angular velocity and acceleration at its beginning, then at its end, shape (4, 3); not

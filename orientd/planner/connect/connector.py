@@ -1,8 +1,9 @@
 """Connectors between two states of motion, and stops, within the limits.
 
-``orientd/kernels/c/connectors.h`` defines the quintic pieces (joins).  A stop has a closed form of
-three phases of constant jerk (``stop.c``).  A connector is a stop, a turn and a run-up, which
-always exists, made as short as the limits permit; see ``orientd/kernels/c/shorten.h``.
+A stop has a closed form of three phases of constant jerk (``orientd/kernels/c/stop.c``).  A
+connector is a stop, a turn and a run-up, which always exists, made as short as the limits permit;
+see ``orientd/kernels/c/shorten.h``.  Joins are quintic pieces with given states at their ends; see
+``orientd/kernels/c/connectors.h``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from orientd import kernels
 from orientd.curves.basis import Indices
-from orientd.curves.trajectory import Trajectory
+from orientd.curves.trajectory import PIECE, Trajectory
 from orientd.errors import PlanError
 from orientd.model.limits import LONGEST, Limits
 from orientd.planner.certify.measuring import limit_table
@@ -25,7 +26,7 @@ from orientd.rotation import Floats, angle, exp, multiply
 
 FACTORS = 5
 _MOST_PIECES = 16_384  # Most intervals of a trajectory of joins.
-_MOST_JOINS = 64
+_MOST_PHASES = 64  # in the first table
 # Sums of Bernstein polynomials of degree 5, each from one on to the last.
 _BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
 _SAME = 1e-9  # of a duration
@@ -173,7 +174,7 @@ def connector(
     most_turn = _TURN_SLACK * (float(angle(start.q, end.q)) + stops)
     tables = limit_table(limits), limit_table(own)
     states = state_row(start), state_row(end)
-    return _of_joins(kernels.connect, *states, *tables, period, least, LONGEST, most_turn)
+    return _of_phases(kernels.connect, *states, *tables, period, least, LONGEST, most_turn)
 
 
 def stop(state: State, *, limits: Limits, period: float) -> Trajectory:
@@ -187,18 +188,19 @@ def stop(state: State, *, limits: Limits, period: float) -> Trajectory:
     Raises:
         PlanError: it takes longer than the longest allowed motion.
     """
-    return _of_joins(kernels.stop, state_row(state), limit_table(limits), period, LONGEST)
+    return _of_phases(kernels.stop, state_row(state), limit_table(limits), period, LONGEST)
 
 
-def _of_joins(kernel: Callable[..., int], *given: Floats | float) -> Trajectory:
-    room = _MOST_JOINS
+def _of_phases(kernel: Callable[..., int], *given: Floats | float) -> Trajectory:
+    room = _MOST_PHASES
     while True:
-        q, w, breaks = np.empty((room, 4)), np.empty((room, FACTORS, 3)), np.empty(room + 1)
-        count = kernel(*given, q, w, breaks)
+        breaks, pieces = np.empty(room + 1), np.empty((room, PIECE))
+        count = kernel(*given, breaks, pieces)
         if not count:
             raise PlanError(f"a stop takes too long, at most {LONGEST:g} s is planned")
         if count <= room:
-            return joins(q[:count], w[:count], breaks[: count + 1])
+            breaks = breaks[: count + 1]
+            return Trajectory(breaks, pieces[:count], breaks)
         room = count
 
 

@@ -2,9 +2,9 @@ r"""Lead-ins from the state of a device to the first keyframe, and lead-outs fro
 
 From rest a lead-in is an **approach**, a turn about one axis from rest to rest.  If the first
 keyframe has a velocity, a **run-up** follows: the mirror image in time of a lead-out from
-:math:`(q, -\omega, \alpha)`.  From a motion, a lead-in is a connector.  A **lead-out** begins in the
-final state :math:`(q, \omega, \alpha)` of a motion and comes to rest; ``orientd/kernels/c/stop.c``
-has its formulas.  Each takes a whole number of periods.
+:math:`(q, -\omega, \alpha)`.  From a motion, a lead-in is a connector.  A **lead-out** begins in
+the final state :math:`(q, \omega, \alpha)` of a motion and comes to rest; its formulas are in
+``orientd/kernels/c/stop.c``.  Each takes a whole number of periods.
 """
 
 from __future__ import annotations

@@ -57,14 +57,13 @@ def rising_state(share):
 
 
 @pytest.mark.parametrize("share", [0.9, 0.97, 0.9989])
-def test_an_acceleration_below_the_limit_of_the_velocity_falls_in_time(share):
-    state, goal = rising_state(share), State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
-    segment = connector(state, goal, limits=reserved(SLOW), own=reserved(SLOW), period=PERIOD)
-    times = np.linspace(0.0, segment.duration, 2000)
-    _, omega, alpha = segment.sample(times)
-    assert np.linalg.norm(omega, axis=1).max() <= SLOW.velocity
-    assert np.linalg.norm(alpha, axis=1).max() <= SLOW.acceleration
-    jerk = np.diff(alpha, axis=0) / np.diff(times)[:, None]
+def test_an_acceleration_just_below_the_limit_of_the_velocity_falls_in_time(share):
+    motion = turned((0.6, 0.3, 1.5), rising_state(share), SLOW)
+    times = np.linspace(0.0, motion.duration, 2000)
+    found = motion.sample(times)
+    assert np.linalg.norm(found.omega_body, axis=1).max() <= SLOW.velocity
+    assert np.linalg.norm(found.alpha_body, axis=1).max() <= SLOW.acceleration
+    jerk = np.diff(found.alpha_body, axis=0) / np.diff(times)[:, None]
     assert np.linalg.norm(jerk, axis=1).max() <= SLOW.jerk
 
 
