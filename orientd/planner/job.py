@@ -34,8 +34,10 @@ _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 _MOST_LEADS = 3  # of one path, until their records keep the limits
 _BELOW = 0.98  # share of a limit that the next leads use
-_ALL = 0.9995  # share of the limits, which leaves something to the law between two records
 _FAR_OVER = 1.1  # excess that leads with less acceleration do not help
+
+WITHOUT_RESERVE = 0.9995 / LEAD_SHARE
+"""Share with which leads use all of the limits but what the law between two records may need."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +53,7 @@ class PlanJob:
             keyframes have times, since these require shorter stops.
         notes: notes of the certificate on the request.
         offset: index of the first keyframe in the whole request, if this is a part of it.
+        share: share of acceleration and jerk that connectors use, of their usual one.
     """
 
     request: MotionRequest
@@ -63,6 +66,7 @@ class PlanJob:
     is_even: bool
     notes: tuple[str, ...] = ()
     offset: int = 0
+    share: float = 1.0
     _leads: dict[tuple[bytes, float], LeadIn] = field(default_factory=dict)
 
     @classmethod
@@ -102,7 +106,8 @@ class PlanJob:
 
     def calmer(self, share: float) -> PlanJob:
         """Return the same job with quick leads that use a share of acceleration and jerk."""
-        return replace(self, is_even=False, limits=self.limits.with_reserve(share), _leads={})
+        limits = self.limits.with_reserve(share)
+        return replace(self, is_even=False, limits=limits, share=share, _leads={})
 
     @property
     def is_taken_over(self) -> bool:
@@ -222,7 +227,7 @@ class PlanJob:
             start,
             end,
             limits=self.limits.with_reserve(share),
-            own=self.own,
+            own=self.own.with_reserve(share * self.share),
             period=self.period,
             is_even=self.is_even,
         )
@@ -311,7 +316,9 @@ class PlanJob:
             return None
         return join_in(path, start, limits=self.limits, period=self.period)
 
-    def motion(self, path: KeyframePath | State, name: str, *notes: str) -> Motion:
+    def motion(
+        self, path: KeyframePath | State, name: str, *notes: str, share: float = 1.0
+    ) -> Motion:
         """Return the motion with its leads and its certificate.
 
         If the records of a lead exceed a limit, the next leads use less of acceleration and jerk by
@@ -321,13 +328,14 @@ class PlanJob:
             path: from the first keyframe to the last; or the state at a single one.
             name: identifier of the motion.
             notes: further notes of the certificate.
+            share: share of the limits of acceleration and jerk that the first leads use.
 
         Raises:
             StartError: there is no lead-in, and the path begins elsewhere.
             LimitError: the motion breaks a limit with any of these leads.
             PlanError: no lead keeps the limits.
         """
-        first, share = path if isinstance(path, State) else path.first, 1.0
+        first = path if isinstance(path, State) else path.first
         for count in range(1, _MOST_LEADS + 1):
             lead = self.lead_to(first, share) if self.request.approach else None
             whole = self.with_leads(path, lead, share)
@@ -340,7 +348,7 @@ class PlanJob:
                     raise
                 # A velocity that still rises stops rising sooner with all of the limits.
                 is_rising = error.unit == UNITS["velocity"]
-                share = _ALL / LEAD_SHARE if is_rising else share * _BELOW / over
+                share = WITHOUT_RESERVE if is_rising else share * _BELOW / over
         raise PlanError("no lead was tried")
 
     def certified(self, whole: KeyframePath, name: str) -> Motion:

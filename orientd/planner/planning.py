@@ -20,7 +20,7 @@ from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
 from orientd.planner.connect.leads import SAME_PLACE, approach
 from orientd.planner.errors import JoinError, LeadOutError, TotalError
-from orientd.planner.job import PlanJob
+from orientd.planner.job import WITHOUT_RESERVE, PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath
@@ -202,6 +202,13 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
         tried.attempt("the quickest turn", partial(_turn, job, target, name))
         return
     tried.attempt("a connector", partial(job.motion, target, name))
+    if tried.best is None or not resting.arrives(start, target.q, job.limits):
+        return
+    # A motion that brakes at the full limits overshoots if it must stop later with reduced ones.
+    other, share = _Tried(), WITHOUT_RESERVE
+    other.attempt("a connector without a reserve", partial(job.motion, target, name, share=share))
+    if other.took < resting.WORTH * tried.took:
+        tried.best = other.best
 
 
 def _turn(job: PlanJob, target: State, name: str) -> Motion:

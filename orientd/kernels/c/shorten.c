@@ -14,6 +14,7 @@ enum { TRIES = 2 };
 #define FINEST 8e-4
 /* Fewest periods of a connector that is shortened: of a shorter one little is left to gain. */
 #define FEWEST 6.0
+#define WHOLE 1e-9          /* of a period */
 /* Rad, the longest turn of a piece. */
 #define LONGEST_BENT 0.5
 
@@ -177,7 +178,8 @@ bool shorten_connector(phases_t *rests, matrix_t limits, double period, double l
         s.bounds = bounds_of(&s.begin, &s.end, limits);
         for (int i = 0; i < 4; i++)
             s.bounds.most[1][i] *= 1.0 + k * MORE, s.bounds.most[2][i] *= 1.0 + k * MORE;
-        s.duration = total, s.least = fmax(least, period), s.most = LONGER * total;
+        s.duration = total, s.most = LONGER * total;
+        s.least = (fmax(ceil(least / period - WHOLE), 1.0) - 0.5) * period;
         put_elements(&s, period);
         put_rates(&s);
         put_first(&s, rests);

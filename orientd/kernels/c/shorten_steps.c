@@ -459,7 +459,9 @@ outcome_t shorten(spline_t *spline, double period) {
         share = step == 0 ? 1.0 : gone > 0.9 ? 0.1 : gone > 0.5 ? 0.3 : 0.6;
         gone = advance(&at, fmax(share * gap, LAST_WEIGHT) / at.limits, 0.0);
     }
-    double goal = ceil(spline->duration / period - 1e-9) * period;
+    /* The barrier of the least duration is no reason for another period. */
+    bool is_least = spline->duration < (1.0 + CLOSE_ENOUGH) * spline->least;
+    double goal = ceil((is_least ? spline->least : spline->duration) / period - 1e-9) * period;
     for (int step = 0; step < LAST_STEPS; step++) {
         gone = advance(&at, fmax(gap, LAST_WEIGHT) / at.limits, goal);
         if (!(gone > 0.0))
