@@ -33,6 +33,12 @@ LEAD_SHARE = 0.985
 It is more than that of timings.  So a device that brakes as a timing does has room for a lead.
 """
 
+EVEN_LEAD_SHARE = 0.85
+"""The same for motions with times or an even pace, which must stop as soon as before.
+
+They take no longer for it: their keyframes have times, and the leads are a small part.
+"""
+
 _SLACK = 1e-9  # of a period
 _ROUNDING = 1e-9  # of a velocity
 _SHARES = np.linspace(0.0, 1.0, 65)  # of a lead-out, at which its velocity is looked at
@@ -54,8 +60,8 @@ class LeadIn:
 
 
 def reserved(limits: Limits, *, is_even: bool = False) -> Limits:
-    """Return the limits of a lead: with the usual reserve, or with that of an even pace."""
-    return limits.with_reserve() if is_even else limits.with_reserve(LEAD_SHARE)
+    """Return the limits of a lead: with its usual reserve, or with that of an even pace."""
+    return limits.with_reserve(EVEN_LEAD_SHARE if is_even else LEAD_SHARE)
 
 
 def lead_in(
