@@ -162,7 +162,7 @@ bool add_stop(const motion_t *state, matrix_t limits, double period, double long
     double more = 0.0;
     bool is_done = true;
     for (int k = 0; k < 3 && is_done; k++) {
-        /* What takes no time is left to the next phase. */
+        /* A phase without a duration is left to the next one. */
         more += stop.times[k];
         if (more < SHORTEST)
             continue;
