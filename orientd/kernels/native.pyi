@@ -56,7 +56,7 @@ def try_joins(
 ) -> None: ...  # fmt: skip
 def connect(
     start: Floats, end: Floats, limits: Floats, own: Floats, period: float, least: float,
-    longest: float, most_turn: float, breaks: Floats, pieces: Floats, /,
+    longest: float, most_turn: float, more: float, breaks: Floats, pieces: Floats, /,
 ) -> int: ...  # fmt: skip
 def stop(
     state: Floats, limits: Floats, period: float, longest: float, breaks: Floats,

@@ -17,7 +17,7 @@ from orientd.planner import refusal
 from orientd.planner.certify.measuring import measure
 from orientd.planner.certify.summary import before, summed_up
 from orientd.planner.connect.connector import join_in
-from orientd.planner.connect.leads import LEAD_SHARE, LeadIn, lead_in, lead_out
+from orientd.planner.connect.leads import MOST_SHARE, LeadIn, lead_in, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
@@ -33,11 +33,26 @@ from orientd.tolerances import GUARD_TOLERANCE
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 _MOST_LEADS = 3  # of one path, until their records keep the limits
-_BELOW = 0.98  # share of a limit that the next leads use
+_BELOW = 0.999  # share of a limit that the next leads use
 _FAR_OVER = 1.1  # excess that leads with less acceleration do not help
 
-WITHOUT_RESERVE = 0.9995 / LEAD_SHARE
-"""Share with which leads use all of the limits but what the law between two records may need."""
+LEAD_SHARE = 0.95
+"""Share of acceleration and jerk that leads use: with more of it, stops on them take longer."""
+
+CALM_LEAD_SHARE = 0.75
+"""The same where time is given, or the pace is even.
+
+Stops are shorter for it, and the motion is not longer: leads are a small part of it.
+"""
+
+TAKE_OVER_SHARE = 0.985
+"""The same for the lead-in of a motion that takes over from another one.
+
+It is more than that of timings.  So a device that brakes as a timing does has room for a lead-in.
+"""
+
+WITHOUT_RESERVE = MOST_SHARE / TAKE_OVER_SHARE
+"""Multiple of its usual share with which the lead-in of such a motion uses the largest one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,8 +64,9 @@ class PlanJob:
         own: the limits of the motion.
         ends: velocities at the first and last keyframe.
         halt: how a position without keyframes comes to rest.
-        is_even: whether the lead-in from rest keeps the reserve of an even pace.  It does if
-            keyframes have times, since these require shorter stops.
+        is_even: whether a lead-in from rest has an even pace.  It does if keyframes have times,
+            since these require shorter stops.
+        lead_share: share of acceleration and jerk that leads use.
         notes: notes of the certificate on the request.
         offset: index of the first keyframe in the whole request, if this is a part of it.
         share: share of acceleration and jerk that connectors use, of their usual one.
@@ -64,6 +80,7 @@ class PlanJob:
     ends: Ends
     halt: PositionPath
     is_even: bool
+    lead_share: float
     notes: tuple[str, ...] = ()
     offset: int = 0
     share: float = 1.0
@@ -98,16 +115,36 @@ class PlanJob:
         notes = (*request.notes, *half_turn_notes(request, start))
         halt = position_lead(start, None, limits=limits, period=period)
         is_even = not request.is_quickest
-        return cls(request, start, limits, own, period, ends, halt, is_even, notes=notes)
+        share = CALM_LEAD_SHARE if is_even or request.total is not None else LEAD_SHARE
+        return cls(request, start, limits, own, period, ends, halt, is_even, share, notes=notes)
 
     def evenly(self) -> PlanJob:
         """Return the same job at an even pace."""
-        return self if self.is_even else replace(self, is_even=True, _leads={})
+        if self.is_even:
+            return self
+        return replace(self, is_even=True, lead_share=CALM_LEAD_SHARE, _leads={})
 
     def calmer(self, share: float) -> PlanJob:
         """Return the same job with quick leads that use a share of acceleration and jerk."""
         limits = self.limits.with_reserve(share)
-        return replace(self, is_even=False, limits=limits, share=share, _leads={})
+        return replace(
+            self, is_even=False, lead_share=LEAD_SHARE, limits=limits, share=share, _leads={}
+        )
+
+    def with_quick_leads(self) -> PlanJob:
+        """Return the same job with leads that are as short as if no time is given."""
+        return replace(self, lead_share=LEAD_SHARE, _leads={})
+
+    def share_from(self, state: State, multiple: float = 1.0) -> float:
+        """Return the share of acceleration and jerk that a lead from a state may use.
+
+        Args:
+            state: where it begins.
+            multiple: of the usual share.
+        """
+        takes_over = not (state.is_at_rest or self.start.is_at_rest)
+        usual = TAKE_OVER_SHARE if takes_over else self.lead_share
+        return min(multiple * usual, MOST_SHARE)
 
     @property
     def is_taken_over(self) -> bool:
@@ -189,7 +226,7 @@ class PlanJob:
 
         Args:
             first: the state.
-            share: usable share of the limits of acceleration and jerk.
+            share: multiple of the usual share of acceleration and jerk.
 
         Raises:
             PlanError: it takes longer than the longest allowed motion.
@@ -217,7 +254,7 @@ class PlanJob:
             start: initial state.
             end: final state.
             is_direct: whether to prefer a connector to a run-up from rest.
-            share: usable share of the limits of acceleration and jerk.
+            share: multiple of the usual share of acceleration and jerk.
 
         Raises:
             PlanError: no lead-in keeps the limits.
@@ -226,9 +263,10 @@ class PlanJob:
             lead_in,
             start,
             end,
-            limits=self.limits.with_reserve(share),
-            own=self.own.with_reserve(share * self.share),
+            limits=self.limits,
+            own=self.own.with_reserve(self.share),
             period=self.period,
+            share=self.share_from(start, share),
             is_even=self.is_even,
         )
         try:
@@ -244,7 +282,7 @@ class PlanJob:
         Args:
             last: the state.
             end: the path time, s.
-            share: usable share of the limits of acceleration and jerk.
+            share: multiple of the usual share of acceleration and jerk.
 
         Raises:
             LeadOutError: no lead-out keeps the limits.
@@ -252,8 +290,8 @@ class PlanJob:
         if is_still(last.omega_body, last.alpha_body, self.limits):
             return []
         try:
-            limits = self.limits.with_reserve(share)
-            lead = lead_out(last, limits=limits, period=self.period, is_even=self.is_even)
+            used = min(share * self.lead_share, MOST_SHARE)
+            lead = lead_out(last, limits=self.limits, period=self.period, share=used)
         except PlanError as error:
             raise LeadOutError(f"no lead-out from the last keyframe: {error}") from error
         return [lead.shifted(end)]
@@ -269,7 +307,7 @@ class PlanJob:
             path: from the first keyframe to the last; or the state at a single one.
             lead: from the state of the device to the first keyframe; ``None`` if the keyframe path
                 begins at the device's state.
-            share: share of the limits of acceleration and jerk that the lead-out may use.
+            share: multiple of the usual share of acceleration and jerk, for the lead-out.
 
         Raises:
             StartError: there is no lead-in, and the keyframe path begins elsewhere.
@@ -328,7 +366,7 @@ class PlanJob:
             path: from the first keyframe to the last; or the state at a single one.
             name: identifier of the motion.
             notes: further notes of the certificate.
-            share: share of the limits of acceleration and jerk that the first leads use.
+            share: multiple of the usual share of acceleration and jerk, for the first leads.
 
         Raises:
             StartError: there is no lead-in, and the path begins elsewhere.

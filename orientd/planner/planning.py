@@ -103,10 +103,25 @@ def plan(
         )
     try:
         job = PlanJob.of(resolved(request, start, within), start, within, period)
-        return remarked(resting.compared(job, _quickest(job, name)))
+        return remarked(resting.compared(job, _planned(job, name)))
     except PlanError as error:
         refusal.name_pace(error, request.pace)
         raise
+
+
+def _planned(job: PlanJob, name: str) -> Motion:
+    """Return the fastest motion, with short leads only if the time that is given needs them.
+
+    Raises:
+        PlanError: it was refused.
+    """
+    has_time = job.request.times is not None or job.request.total is not None
+    try:
+        return _quickest(job, name)
+    except PlanError:
+        if not has_time or not any(job.ends.moves):
+            raise
+    return _quickest(job.with_quick_leads(), name)
 
 
 @dataclass(slots=True)

@@ -22,7 +22,7 @@ from orientd.model.limits import LONGEST, Limits
 from orientd.model.request import DEFAULT_METHOD, Keyframe, MotionRequest
 from orientd.planner import refusal
 from orientd.planner.connect.connector import connector_lasting, hold, turn_to_stop
-from orientd.planner.connect.leads import LeadIn, approach, lead_out, reserved
+from orientd.planner.connect.leads import LeadIn, approach, lead_out
 from orientd.planner.job import PlanJob
 from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
@@ -334,7 +334,7 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
     times, paths = np.array([0.0, total]), []
     for pace in _PACES:
         within = job.limits if pace == 1.0 else job.limits.slowed(pace)
-        limits = reserved(within), reserved(job.limits)
+        limits = [one.with_reserve(job.share_from(begin)) for one in (within, job.limits)]
         find = partial(connector_lasting, limits=limits[0], own=limits[1], period=job.period)
         found = find(begin, end, total)
         if found is not None:
@@ -416,10 +416,11 @@ def _stops_at_ends(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, 
     if job.is_taken_over:
         raise PlanError("a position that moves does not wait for the tool to brake")
     begin, end = states_at_ends(job)
-    find = partial(lead_out, limits=job.limits, period=job.period, is_even=job.is_even)
+    find = partial(lead_out, limits=job.limits, period=job.period)
     starts, ends = job.ends.moves
-    stop = find(begin) if starts else None
-    run_up = find(replace(end, omega_body=-end.omega_body)).reversed() if ends else None
+    stop = find(begin, share=job.share_from(begin)) if starts else None
+    mirrored = replace(end, omega_body=-end.omega_body)
+    run_up = find(mirrored, share=job.lead_share).reversed() if ends else None
     keys = job.request.keys.copy()
     keys[0] = begin.q if stop is None else stop.ends()[0][1]
     keys[-1] = end.q if run_up is None else run_up.ends()[0][0]

@@ -128,6 +128,9 @@ enum { MOST_NODES = 16384 };
 bool new_phases(motion_t state, phases_t *to);
 void free_phases(phases_t *phases);
 
+/* Return how many parts a phase has, each with a turn of at most *part*, rad. */
+double parts_of(vec_t first, vec_t last, double duration, double part);
+
 /* Add the state that a phase of constant jerk leads to, and those between its parts.
  *
  * omega, alpha: velocity and acceleration at its end.

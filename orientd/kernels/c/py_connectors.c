@@ -23,12 +23,12 @@ static bool is_table(row_t breaks, matrix_t pieces) {
 }
 
 KERNEL(connect) {
-    TAKE("vvmmddddVM");
+    TAKE("vvmmdddddVM");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[3].m, 3, 4) && a[4].d > 0.0 && is_table(a[8].v, a[9].m));
+    CHECK(is_matrix(a[3].m, 3, 4) && a[4].d > 0.0 && is_table(a[9].v, a[10].m));
     index_t found;
     RUN(found = connect_states(a[0].v, a[1].v, a[2].m, a[3].m, a[4].d, a[5].d, a[6].d, a[7].d,
-                               a[8].v, a[9].m));
+                               a[8].d, a[9].v, a[10].m));
     return PyLong_FromLongLong(found);
 }
 

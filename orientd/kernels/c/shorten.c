@@ -3,10 +3,6 @@
 
 /* Times the way by rest, that a spline may take on its way to a shorter one. */
 #define LONGER 8.0
-/* Of acceleration and jerk, for another try where the first one got stuck: a motion that already uses
- * all of them leaves no room to look for a shorter way. */
-#define MORE 0.01
-enum { TRIES = 2 };
 /* Of the time in which the acceleration rises to its limit, the narrowest element. */
 #define NARROWEST 0.06
 /* For each rad/s, the same, s: it must not be so narrow that rounding of the velocity shows in the
@@ -15,8 +11,6 @@ enum { TRIES = 2 };
 /* Fewest periods of a connector that is shortened: of a shorter one little is left to gain. */
 #define FEWEST 6.0
 #define WHOLE 1e-9          /* of a period */
-/* Rad, the longest turn of a piece. */
-#define LONGEST_BENT 0.5
 
 void put_given(spline_t *s) {
     int n = s->elements;
@@ -165,7 +159,7 @@ static bool put_shorter(const spline_t *s, phases_t *to) {
 }
 
 bool shorten_connector(phases_t *rests, matrix_t limits, double period, double least,
-                       double most_turn) {
+                       double most_turn, double more) {
     spline_t s;
     double total = rests->time[rests->count - 1];
     if (!(total >= FEWEST * period && total > least + 0.5 * period))
@@ -173,11 +167,13 @@ bool shorten_connector(phases_t *rests, matrix_t limits, double period, double l
     spline_t best;
     best.duration = total, best.elements = 0;
     outcome_t outcome = LOST;
-    for (int k = 0; k < TRIES && outcome != CONVERGED; k++) {
+    /* A motion that already uses all of acceleration and jerk leaves no room to look for a shorter
+     * way.  So where the first try got stuck, another one has more of them. */
+    for (int k = 0; k < (more > 1.0 ? 2 : 1) && outcome != CONVERGED; k++) {
         s.begin = rests->node[0], s.end = rests->node[rests->count - 1];
         s.bounds = bounds_of(&s.begin, &s.end, limits);
-        for (int i = 0; i < 4; i++)
-            s.bounds.most[1][i] *= 1.0 + k * MORE, s.bounds.most[2][i] *= 1.0 + k * MORE;
+        for (int i = 0; k && i < 4; i++)
+            s.bounds.most[1][i] *= more, s.bounds.most[2][i] *= more;
         s.duration = total, s.most = LONGER * total;
         s.least = (fmax(ceil(least / period - WHOLE), 1.0) - 0.5) * period;
         put_elements(&s, period);

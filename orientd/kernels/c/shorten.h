@@ -29,6 +29,9 @@ enum {
     BORDER = 5,                        /* right sides: step, duration, orientation */
 };
 
+/* Rad, the longest turn of a piece, and of a step of the orientation. */
+#define LONGEST_BENT 0.5
+
 /* A limited rate: control points from the first on, with their shares, over a power of the
  * duration.
  *
@@ -73,9 +76,10 @@ outcome_t shorten(spline_t *spline, double period);
  * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
  * period: it takes a whole number of periods, s.
  * least: it takes at least this long, s.
- * most_turn: the integral of its angular velocity, body components, is no longer, rad. */
+ * most_turn: the integral of its angular velocity, body components, is no longer, rad.
+ * more: multiple of acceleration and jerk for another try where the first one gets stuck. */
 bool shorten_connector(phases_t *rests, matrix_t limits, double period, double least,
-                       double most_turn);
+                       double most_turn, double more);
 
 /* connect.c */
 
@@ -87,7 +91,7 @@ bool shorten_connector(phases_t *rests, matrix_t limits, double period, double l
  * least, longest: that it may take, s.
  * The others are those of shorten_connector. */
 index_t connect_states(row_t start, row_t end, matrix_t limits, matrix_t own, double period,
-                       double least, double longest, double most_turn, row_t breaks,
-                       matrix_t pieces);
+                       double least, double longest, double most_turn, double more,
+                       row_t breaks, matrix_t pieces);
 
 #endif

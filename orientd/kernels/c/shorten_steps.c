@@ -76,6 +76,12 @@ INLINE axes_t axes_of(quat_t q) {
                      vec(2.0 * (xz + wy), 2.0 * (yz - wx), 1.0 - 2.0 * (xx + yy))}};
 }
 
+/* Velocity inside an element. */
+INLINE vec_t within(vec_t before, vec_t middle, vec_t after, double u) {
+    double v = 1.0 - u;
+    return plus(plus(times(v * v, before), times(2.0 * u * v, middle)), times(u * u, after));
+}
+
 /* Where the spline leads to, by Magnus' expansion of fourth order as of a ramp, and how far that
  * is from its end, with derivatives. */
 static void put_turning(steps_t *at) {
@@ -89,15 +95,17 @@ static void put_turning(steps_t *at) {
     vec_t before = velocity_at(s, 0);
     axes_t from = axes_of(multiplied(back, here));
     for (int k = 0; k < n; k++) {
-        double h = T * s->width[k], u = 0.5 - node, v = 0.5 + node;
+        double h = T * s->width[k];
         vec_t middle = s->point[k + 1], after = velocity_at(s, k + 1);
-        vec_t a = plus(plus(times(v * v, before), times(2.0 * u * v, middle)),
-                       times(u * u, after));
-        vec_t b = plus(plus(times(u * u, before), times(2.0 * u * v, middle)),
-                       times(v * v, after));
-        vec_t half = plus(times(0.25 * h, plus(a, b)),
-                          times(sqrt(3.0) / 24.0 * h * h, cross(a, b)));
-        s->node[k + 1] = here = multiplied(here, exponential(half));
+        double parts = fmin(parts_of(before, after, h, LONGEST_BENT), MOST_NODES), part = h / parts;
+        for (int j = 0; j < (int)parts; j++) {
+            vec_t a = within(before, middle, after, (j + 0.5 - node) / parts);
+            vec_t b = within(before, middle, after, (j + 0.5 + node) / parts);
+            vec_t half = plus(times(0.25 * part, plus(a, b)),
+                              times(sqrt(3.0) / 24.0 * part * part, cross(a, b)));
+            here = multiplied(here, exponential(half));
+        }
+        s->node[k + 1] = here;
         axes_t to = axes_of(multiplied(back, here));
         /* The share of each of three control points is centred at a place of its own. */
         double first = (k ? s->width[k] / s->sum[k] : 1.0) / 3.0;

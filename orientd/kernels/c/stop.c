@@ -25,14 +25,17 @@ enum { STEPS = 60 };
 
 typedef struct { vec_t line; double pull, times[3]; } stop_t;
 
+double parts_of(vec_t first, vec_t last, double duration, double part) {
+    return ceil(fmax(duration * fmax(norm(first), norm(last)) / part, 1.0));
+}
+
 /* About a constant axis, or else by Magnus' expansion of fourth order (Blanes et al. 2009, eq. 254). */
 bool add_parts(phases_t *to, vec_t omega, vec_t alpha, double duration, double bent_part) {
     motion_t from = to->node[to->count - 1];
     vec_t jerk = times(1.0 / duration, minus(alpha, from.alpha));
-    double turn = duration * fmax(norm(from.omega), norm(omega));
     vec_t bend = plus(cross(from.omega, from.alpha), cross(from.omega, jerk));
     bool is_bent = norm(bend) > STILL;
-    double parts = ceil(fmax(turn / (is_bent ? bent_part : LONGEST_PART), 1.0));
+    double parts = parts_of(from.omega, omega, duration, is_bent ? bent_part : LONGEST_PART);
     if (!(to->count + parts <= MOST_NODES))
         return false;
     if (to->count + (index_t)parts > to->room) {

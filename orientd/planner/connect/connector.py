@@ -152,6 +152,7 @@ def connector(
     own: Limits,
     period: float,
     least: float = 0.0,
+    more: float = 1.0,
 ) -> Trajectory:
     """Return a trajectory from path time 0 between two states.
 
@@ -166,6 +167,8 @@ def connector(
         own: limits of the stop.
         period: the trajectory takes a whole number of periods, s.
         least: least duration, s.
+        more: multiple of acceleration and jerk for another search, where a single limit holds up
+            the first one.
 
     Raises:
         PlanError: it takes longer than the longest allowed motion.
@@ -174,7 +177,7 @@ def connector(
     most_turn = _TURN_SLACK * (float(angle(start.q, end.q)) + stops)
     tables = limit_table(limits), limit_table(own)
     states = state_row(start), state_row(end)
-    return _of_phases(kernels.connect, *states, *tables, period, least, LONGEST, most_turn)
+    return _of_phases(kernels.connect, *states, *tables, period, least, LONGEST, most_turn, more)
 
 
 def stop(state: State, *, limits: Limits, period: float) -> Trajectory:

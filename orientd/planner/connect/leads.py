@@ -27,18 +27,10 @@ from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
 
-LEAD_SHARE = 0.985
-"""Share of acceleration and jerk that leads use.
+MOST_SHARE = 0.9995
+"""Largest share of acceleration and jerk: the law between two records may need the rest."""
 
-It is more than that of timings.  So a device that brakes as a timing does has room for a lead.
-"""
-
-EVEN_LEAD_SHARE = 0.85
-"""The same for motions with times or an even pace, which must stop as soon as before.
-
-They take no longer for it: their keyframes have times, and the leads are a small part.
-"""
-
+_MORE = 1.01  # of acceleration and jerk, for another search for a connector
 _SLACK = 1e-9  # of a period
 _ROUNDING = 1e-9  # of a velocity
 _SHARES = np.linspace(0.0, 1.0, 65)  # of a lead-out, at which its velocity is looked at
@@ -59,11 +51,6 @@ class LeadIn:
     positions: PositionPath
 
 
-def reserved(limits: Limits, *, is_even: bool = False) -> Limits:
-    """Return the limits of a lead: with its usual reserve, or with that of an even pace."""
-    return limits.with_reserve(EVEN_LEAD_SHARE if is_even else LEAD_SHARE)
-
-
 def lead_in(
     start: State,
     first: State,
@@ -71,6 +58,7 @@ def lead_in(
     limits: Limits,
     own: Limits,
     period: float,
+    share: float,
     is_direct: bool = False,
     is_even: bool = False,
 ) -> LeadIn:
@@ -79,18 +67,22 @@ def lead_in(
     Args:
         first: state at the first keyframe; its position is at rest.
         own: limits for a stop, if *limits* are those of a slower pace and do not allow it.
+        share: of acceleration and jerk, for a connector and a run-up.
         is_direct: whether to use a connector from rest too.
-        is_even: whether the lead-in keeps the reserve of an even pace, and an approach has one.
+        is_even: whether an approach has an even pace.
 
     Raises:
         PlanError: it takes longer than the longest allowed motion.
     """
     if start.is_at_rest and not is_direct:
-        return from_rest(start, first, limits=limits, period=period, is_even=is_even)
+        return from_rest(start, first, limits=limits, period=period, share=share, is_even=is_even)
     positions = position_lead(start, first.position, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
-    within, stopping = (reserved(one, is_even=is_even) for one in (limits, own))
-    found = connector(start, first, limits=within, own=stopping, period=period, least=least)
+    within, stopping = limits.with_reserve(share), own.with_reserve(share)
+    more = max(min(_MORE, MOST_SHARE / share), 1.0)
+    found = connector(
+        start, first, limits=within, own=stopping, period=period, least=least, more=more
+    )
     if not positions.is_held:
         positions = position_lead(
             start, first.position, limits=limits, period=period, least=found.duration
@@ -104,14 +96,14 @@ def from_rest(
     *,
     limits: Limits,
     period: float,
-    least: int = 0,
+    share: float,
     is_even: bool = False,
 ) -> LeadIn:
     """Return approach and run-up from rest, as far as they are needed.
 
     Args:
         first: state at the first keyframe.
-        least: least number of periods.
+        share: of acceleration and jerk, for the run-up.
         is_even: as in :func:`lead_in`.
 
     Raises:
@@ -121,7 +113,7 @@ def from_rest(
     if not is_still(first.omega_body, first.alpha_body, limits):
         try:
             mirrored = State(first.q, -first.omega_body, first.alpha_body, first.position)
-            run_up = lead_out(mirrored, limits=limits, period=period, is_even=is_even)
+            run_up = lead_out(mirrored, limits=limits, period=period, share=share)
         except PlanError as error:
             raise PlanError(f"no run-up to the first keyframe: {error}") from error
         rest = run_up.ends()[0][1]
@@ -129,7 +121,6 @@ def from_rest(
     turn = approach(start.q, rest, limits, is_even=is_even)
     move = float(np.linalg.norm(first.position - start.position))
     cycles = approach_cycles(turn, move, limits=limits, period=period)
-    cycles = max(cycles, least - run_up_cycles)
     arrival = cycles * period
     parts = []
     if cycles:
@@ -146,20 +137,20 @@ def from_rest(
     return LeadIn(tuple(parts), cycles, positions)
 
 
-def lead_out(start: State, *, limits: Limits, period: float, is_even: bool = False) -> Trajectory:
+def lead_out(start: State, *, limits: Limits, period: float, share: float) -> Trajectory:
     """Return the trajectory from a state to rest, over ``[0, T]``.
 
     Args:
         start: the state.
         limits: to keep; the velocity may be as high as in *start*.
         period: the lead-out takes a whole number of periods, s.
-        is_even: as in :func:`reserved`.
+        share: of acceleration and jerk.
 
     Raises:
         PlanError: the velocity rises above its limit before the acceleration has fallen, or the
             lead-out takes longer than the longest allowed motion.
     """
-    found = stop(start, limits=reserved(limits, is_even=is_even), period=period)
+    found = stop(start, limits=limits.with_reserve(share), period=period)
     speeds = found.sample(found.duration * _SHARES)[1]
     for rates, most in (
         (np.sqrt(np.einsum("ij,ij->i", speeds, speeds)), limits.velocity),

@@ -5,7 +5,7 @@ import pytest
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.connect.connector import connector
-from orientd.planner.connect.leads import reserved
+from orientd.planner.job import TAKE_OVER_SHARE
 from orientd.rotation import exp
 
 NORMS = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
@@ -69,6 +69,7 @@ def test_an_acceleration_just_below_the_limit_of_the_velocity_falls_in_time(shar
 
 def test_an_acceleration_that_may_go_on_does():
     state, goal = rising_state(0.9), State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
-    segment = connector(state, goal, limits=reserved(SLOW), own=reserved(SLOW), period=PERIOD)
+    within = SLOW.with_reserve(TAKE_OVER_SHARE)
+    segment = connector(state, goal, limits=within, own=within, period=PERIOD)
     # Where the acceleration falls first, it takes 1.296 s.
     assert segment.duration < 1.28

@@ -10,12 +10,13 @@ from orientd.curves.trajectory import PIECE, Trajectory
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.measuring import limit_table
 from orientd.planner.connect.connector import connector, joins, state_row, try_joins
-from orientd.planner.connect.leads import reserved
+from orientd.planner.job import TAKE_OVER_SHARE
 from orientd.planner.timing.axis_turn import double_s
 from orientd.rotation import angle, conjugate, exp, log, multiply, normalize
 
 PERIOD = 0.002
 FAR = 100.0  # rad, that a connector may turn
+MORE = 1.01
 NOT_AT_ALL = -1.0  # rad; the way by rest is kept
 LONGEST = 86_400.0  # s
 MOST_PIECES = 1024
@@ -35,7 +36,7 @@ def joined(start, end, limits, period, least=0.0, *, most_turn=FAR):
     found = np.empty(MOST_PIECES + 1), np.empty((MOST_PIECES, PIECE))
     tables = 2 * (limit_table(limits.with_reserve()),)
     states = state_row(start), state_row(end)
-    count = kernels.connect(*states, *tables, period, least, LONGEST, most_turn, *found)
+    count = kernels.connect(*states, *tables, period, least, LONGEST, most_turn, MORE, *found)
     breaks, pieces = found
     return Trajectory(breaks[: count + 1], pieces[:count], breaks[: count + 1]) if count else None
 
@@ -59,7 +60,7 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
 
 def connected(start, end, limits):
     """Return the connector that a motion uses."""
-    within = reserved(limits)
+    within = limits.with_reserve(TAKE_OVER_SHARE)
     return connector(start, end, limits=within, own=within, period=PERIOD)
 
 
@@ -129,7 +130,7 @@ def test_arrays_of_other_shapes_are_refused(place):
     rows = [np.zeros(shape) for shape in shapes]
     out = np.empty(MOST_PIECES + 1), np.empty((MOST_PIECES, PIECE))
     with pytest.raises(ValueError, match="do not belong together"):
-        kernels.connect(*rows, PERIOD, 0.0, LONGEST, FAR, *out)
+        kernels.connect(*rows, PERIOD, 0.0, LONGEST, FAR, MORE, *out)
 
 
 def shortened(start, end, limits, period, least=0.0):

@@ -118,16 +118,26 @@ def test_a_curve_whose_acceleration_has_steps_comes_to_rest_at_them_and_says_so(
 
 
 @pytest.mark.parametrize(
-    ("last", "place"),
+    ("last", "limits", "place"),
     [
-        ((0.0, 0.0, 2.0), r"the limit is 4 rad/s\^2; in the lead-out"),
-        (None, r"; between keyframes\[\d\] and keyframes\[\d\], at \d\.\d+ s of their time"),
+        # An acceleration above its limit still rises for a record of the lead-out.
+        (
+            ((1.0, -0.2, 0.0), 1.9),
+            {"acceleration": 2.0, "jerk": 100.0},
+            r"the limit is 2 rad/s\^2; in the lead-out",
+        ),
+        (
+            (None, 2.0),
+            {"acceleration": 4.0},
+            r"; between keyframes\[\d\] and keyframes\[\d\], at \d\.\d+ s of their time",
+        ),
     ],
 )
-def test_the_place_of_a_broken_limit_is_named(last, place):
-    slow = Limits.partial(acceleration=4.0)
+def test_the_place_of_a_broken_limit_is_named(last, limits, place):
+    velocity, time = last
+    slow = Limits.partial(**limits)
     with pytest.raises(LimitError, match=place):
-        planned(times=(0.0, 1.0, 2.0), approach=True, limits=slow, end_velocity=last)
+        planned(times=(0.0, 1.0, time), approach=True, limits=slow, end_velocity=velocity)
 
 
 def test_a_curve_of_too_many_pieces_is_refused_before_they_are_made():

@@ -9,7 +9,8 @@ from orientd.errors import PlanError
 from orientd.model.limits import is_still
 from orientd.planner import Limits, State
 from orientd.planner.connect.connector import connector
-from orientd.planner.connect.leads import LEAD_SHARE, approach, approach_cycles, from_rest, lead_out
+from orientd.planner.connect.leads import approach, approach_cycles, from_rest, lead_out
+from orientd.planner.job import LEAD_SHARE
 from orientd.planner.timing.axis_turn import usable
 from orientd.rotation import angle, conjugate, exp, log, multiply
 
@@ -29,7 +30,7 @@ def state(seed, speed, size, *, parallel=False):
 def lead(seed, speed, size, limits=ARM, **fields):
     q, omega, alpha = state(seed, speed, size, **fields)
     start = State(q, omega, alpha, np.zeros(3))
-    return q, omega, alpha, lead_out(start, limits=limits, period=PERIOD)
+    return q, omega, alpha, lead_out(start, limits=limits, period=PERIOD, share=LEAD_SHARE)
 
 
 CASES = [(2.4, 0.0), (1.0, 10.0), (0.5, 16.9), (0.0, 12.0), (1e-3, 5.0), (1e-6, 1.0), (1.0, 1e-5)]
@@ -166,9 +167,8 @@ def test_no_approach_is_needed_to_where_the_device_is():
 
 def test_a_start_that_is_off_by_rounding_needs_no_lead_in():
     start = State.at_rest(HERE, np.array([0.1, 0.2, 0.3]))
-    lead_in = from_rest(
-        start, State.at_rest(HERE, start.position + 1e-16), limits=ARM, period=PERIOD
-    )
+    first = State.at_rest(HERE, start.position + 1e-16)
+    lead_in = from_rest(start, first, limits=ARM, period=PERIOD, share=LEAD_SHARE)
     assert (lead_in.cycles, lead_in.positions.is_held) == (0, True)
 
 
@@ -190,7 +190,7 @@ def test_leads_that_would_take_days_are_refused(jerk):
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         approach(here, there, slow)
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
-        lead_out(State(here, omega, nowhere, nowhere), limits=slow, period=PERIOD)
+        lead_out(State(here, omega, nowhere, nowhere), limits=slow, period=PERIOD, share=LEAD_SHARE)
     start, end = State(here, omega, nowhere, nowhere), State.at_rest(there)
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         connector(start, end, limits=slow, own=slow, period=PERIOD)
@@ -201,7 +201,7 @@ def test_a_lead_in_does_not_move_a_position_that_differs_by_rounding(angle):
     place = np.array([0.3, -0.2, 0.7])
     start = State.at_rest((1.0, 0.0, 0.0, 0.0), np.nextafter(place, 1.0))
     first = State.at_rest(tuple(exp([0.0, 0.0, angle])), place)
-    lead_in = from_rest(start, first, limits=ARM, period=PERIOD)
+    lead_in = from_rest(start, first, limits=ARM, period=PERIOD, share=LEAD_SHARE)
     assert lead_in.positions.is_held
     np.testing.assert_array_equal(lead_in.positions.last, place)
     assert (lead_in.cycles > 0) == (angle > 0.0)

@@ -90,8 +90,8 @@ def test_a_stop_takes_hardly_longer_than_any_stop_could(kind):
 @pytest.mark.parametrize(
     ("drawn", "record", "fewest", "times"),
     [
-        (([7003, 0], 2, "reserve"), 191, 17, MOST),
-        (([7003, 0], 2, "reserve"), 321, 67, 1.5),
+        (([7003, 0], 2, "reserve"), 262, 78, MOST),
+        (([7003, 0], 2, "reserve"), 254, 71, 1.5),
         (([9000, 1], 7, "reserve"), 4975, 26, MOST),
     ],
 )
@@ -144,11 +144,11 @@ def test_a_stop_from_hardly_any_speed_is_made_at_once():
 
 def test_the_search_finds_the_shortest_stop_of_a_turn_about_one_axis():
     *_, motion = motions([7003, 0], 2, "reserve", ["kks_hermite"])
-    ride = Ride(Track(motion), 191)
+    ride = Ride(Track(motion), 262)
     cycles = ride.stop()
-    search = ShortestStop(motion, 191, ride.omega, ride.alpha, ride.velocity)
-    assert search.finds_one(17, like=ride.rates[:cycles])
-    assert not search.finds_one(14, like=ride.rates[:cycles])
+    search = ShortestStop(motion, 262, ride.omega, ride.alpha, ride.velocity)
+    assert search.finds_one(78, like=ride.rates[:cycles])
+    assert not search.finds_one(75, like=ride.rates[:cycles])
 
 
 @pytest.mark.slow
