@@ -1,9 +1,12 @@
 """Blending: run one motion into the next one without stopping at the corner between them.
 
-A quintic leaves the first motion shortly before its end and joins the next one shortly after its
-start.  It has the orientation, velocity and acceleration of both.  A wider cut of the corner is
-faster, and the tolerance limits it: no part of the quintic is further from both motions.  Up to the
-corner it keeps the limits of the first motion, and is no faster than the rest of that would be.
+A connector leaves the first motion shortly before its end and joins the path of the next one
+shortly after its start.  A wider cut of the corner is faster, and the tolerance limits it: no part
+of the connector is further from both motions.  It keeps the limits of both, and is no faster than
+the rest of the first motion would be.
+
+If the next motion may be as fast as the limits permit, it goes on at the speed of the connector.
+Otherwise the connector joins it at its own times.
 
 The tolerance of the position is in proportion: as far as the position moves on either motion while
 that turns by the tolerance, whichever is more.
@@ -13,44 +16,44 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from enum import Enum
+from functools import partial
 
 import numpy as np
 
-from orientd.curves.trajectory import Trajectory
-from orientd.errors import LimitError, PlanError, StartError
+from orientd.curves.hermite import KksQuinticHermite
+from orientd.curves.trajectory import TimeMap, Trajectory
+from orientd.errors import PlanError, StartError
 from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
-from orientd.planner.certify.measuring import measure
-from orientd.planner.certify.summary import before
-from orientd.planner.connect.connector import join, sample_joins, try_joins
+from orientd.planner.connect.leads import connected
 from orientd.planner.facts import HISTORY
-from orientd.planner.job import certified
+from orientd.planner.job import LEAD_SHARE, TAKE_OVER_SHARE, certified
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PositionPath, quintic, quintics
-from orientd.planner.planning import plan, timed
+from orientd.planner.path import Path, PositionPath, quintic
+from orientd.planner.planning import plan
 from orientd.planner.recorded import RecordedMotion
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import Indices
-from orientd.planner.timing.profiles import QuickPath, quickest
-from orientd.rotation import Floats, align, angle
-from orientd.tolerances import GUARD_TOLERANCE
+from orientd.planner.timing.profiles import quickest
+from orientd.rotation import Floats, align, angle, between, log
 
 NOT_BLENDED = "not blended with the motion before"
 """The beginning of a note of the certificate that says why a motion is not blended."""
 
-_DISTANCES = 16  # distances from the corner at which to leave and to join
-_NEAREST = 1e-2  # the least of them, as a share of the largest
-_SHARES = np.concatenate([np.linspace(0.3, 1.0, 8), [1.2]])  # of the replaced time
-_FEW_SHARES = np.array([0.5, 0.6, 0.8, 1.0])  # for a computed timing
-_SLOWEST = 0.05  # least rate of the second motion at which to join it
+_DISTANCES = np.array([1.0, 0.8, 0.6, 0.4, 0.2])  # from the corner, as shares of the largest
+_AHEAD = 0.25  # of these, at which to join a motion that may be faster than the one before
+_BEYOND = 1.4  # times the distance of an arc that touches both motions and keeps the tolerance
+_SPEEDS = (1.2, 0.9)  # at which to join, as shares of that at which a cut leaves
 _NEARLY = 0.99  # share of a velocity that counts as all of it
-_TRIES = 8  # blends with a computed timing
-_POINTS = 65  # of a blend at which its distances are taken
+_MOST, _LEAST = 0.999, 0.01  # share of the velocity limit at which to join
+_CHANGE = 1.4  # largest change of the squared rate, twice
+_TRIES = 3  # cuts that are certified
+_POINTS = 33  # of a cut at which its distances are taken
 _LEG = 16  # points of either motion, between which it counts as straight
 _SURE = 0.97  # share of a tolerance that the points may use: a little more lies between them
+_KNOTS = 65  # of a position at another speed
 _SAME = 1e-9
 
 
@@ -152,31 +155,19 @@ def _moving_on(
     path = second.path
     if not lead or not isinstance(path, Path):
         return record, second
-    start, there = first.state_at(record), path.trajectory.sample(np.zeros(1))
-    begins = start.q[None], start.omega_body[None], start.alpha_body[None]
-    w, _ = try_joins(begins, there, np.array([lead]), start, second.limits)
-    followed = _followed(join(start.q, w[0], lead), start, second, path, 0.0, 1.0, lead)
-    whole = replace(followed, times=followed.times[2:])
+    start, rest = first.state_at(record), _behind(second, path, 0.0)
+    there = rest.first
+    way = KksQuinticHermite(
+        q0=start.q, q1=there.q, t0=0.0, t1=lead, omega0=start.omega_body, omega1=there.omega_body,
+        alpha0=start.alpha_body, alpha1=there.alpha_body,
+    )  # fmt: skip
+    whole = _followed(way.trajectory, start, rest, lead)
     motion = certified(whole, request, start, second.limits, period, motion_id=second.id)
     known = motion.certificate.notes
     return record, motion.noted(*(one for one in second.certificate.notes if one not in known))
 
 
 # Blend
-
-
-class _Timing(Enum):
-    """How fast to run a blend and the second motion.
-
-    Attributes:
-        WHOLE: all of it as fast as the limits permit.
-        BEHIND: only what is behind the corner, if the first motion is slower than the second one.
-        OWN: the second motion at its own times.
-    """
-
-    WHOLE = "whole"
-    BEHIND = "behind the corner"
-    OWN = "its own"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -239,48 +230,53 @@ class _Corner:
         return cls(first, second, path, q, begin, end, tolerance, moved, narrow)
 
     @property
-    def timings(self) -> tuple[_Timing, ...]:
-        """The timings to try, in order."""
-        second, narrow = self.second, self.narrow
-        request, limits = second.request, second.limits
+    def is_fixed(self) -> bool:
+        """Whether the second motion has its own times: as it was asked for, or for its curve."""
+        request = self.second.request
         is_slower = request.total is not None or request.pace is not None
-        if is_slower or not request.is_quickest or self.path.trajectory.continuity < 2:
-            return (_Timing.OWN,)
-        is_within = narrow.lower(limits) == replace(limits, velocity=narrow.velocity)
-        fastest = second.certificate.peak_velocity.value
-        is_even = is_within and narrow.velocity >= fastest
-        return (_Timing.WHOLE if is_even else _Timing.BEHIND, _Timing.OWN)
+        is_rough = self.path.trajectory.continuity < 2
+        is_held = request.omega_end is not None
+        return is_slower or is_rough or is_held or not request.is_quickest
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether the first motion is slower than the second one."""
+        return self.narrow.velocity < _NEARLY * self.second.certificate.peak_velocity.value
+
+    def reach(self, before: Floats, after: Floats) -> float:
+        """Return how far from the corner to leave and to join, at most, rad.
+
+        An arc that touches both motions there passes the corner at the tolerance.
+
+        Args:
+            before: the orientation at which to leave the first motion at the earliest.
+            after: that at which to join the second one at the latest.
+        """
+        one, other = log(between(before, self.q)), log(between(self.q, after))
+        size = float(np.linalg.norm(one) * np.linalg.norm(other))
+        turn = math.acos(min(max(float(one @ other) / size, -1.0), 1.0)) if size else math.pi
+        return _BEYOND * self.tolerance / math.tan(max(0.25 * turn, _SAME))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Cuts:
-    """Quintics that cut a corner, one row each, those that save most first.
+class _Cut:
+    """A way that cuts a corner within the tolerance.
 
     Attributes:
-        leave: records at which they leave the first motion.
-        here: rows of the first motion there.
-        times: path times at which they join the second one, s.
-        rates: of the second motion there.
-        durations: s.
-        w: half-angle increments, shape ``(n, 5, 3)``.
+        leave: record at which it leaves the first motion.
+        lead: the connector.
+        rest: the path of the second motion behind it.
+        passed: path time at which it is nearest to the corner, s.
+        gap: distance from it then, rad.
+        expected: about when the second motion ends, s after the first record.
     """
 
-    leave: Indices
-    here: Floats
-    times: Floats
-    rates: Floats
-    durations: Floats
-    w: Floats
-
-    def path(self, corner: _Corner, one: int, passed: float) -> KeyframePath:
-        """Return the path along a cut that passes the corner at a given time, s."""
-        lead = join(self.here[one, :4], self.w[one], float(self.durations[one]))
-        start, time, rate = self.start(corner, one), float(self.times[one]), float(self.rates[one])
-        return _followed(lead, start, corner.second, corner.path, time, rate, passed)
-
-    def start(self, corner: _Corner, one: int) -> State:
-        """Return the state of the first motion at which a cut leaves it."""
-        return corner.first.state_at(int(self.leave[one]))
+    leave: int
+    lead: Trajectory
+    rest: KeyframePath
+    passed: float
+    gap: float
+    expected: float
 
 
 def _blended(
@@ -295,13 +291,10 @@ def _blended(
     if isinstance(records, str):
         return records
     is_near = False
-    for timing in corner.timings:
-        cuts = _cuts(corner, *records, timing)
-        if not len(cuts.leave):
-            continue
-        passed, gaps, near = _measured(corner, cuts)
-        is_near |= len(near) > 0
-        best = _best(corner, cuts, passed, gaps, near, timing)
+    for is_timed_anew in (False,) if corner.is_fixed else (True, False):
+        cuts = _cuts(corner, *records, is_timed_anew=is_timed_anew)
+        is_near |= bool(cuts)
+        best = _best(corner, cuts, is_timed_anew=is_timed_anew)
         if best is not None:
             return best
     left = first.facts.period * (first.last_record - corner.begin)
@@ -312,46 +305,30 @@ def _blended(
     return f"every blend{where} is further than {bound} from both"
 
 
-def _best(
-    corner: _Corner, cuts: _Cuts, passed: Floats, gaps: Floats, near: Indices, timing: _Timing
-) -> tuple[int, Motion] | None:
+def _best(corner: _Corner, cuts: list[_Cut], *, is_timed_anew: bool) -> tuple[int, Motion] | None:
     """Return the record to leave and the motion of the fastest of some cuts.
 
     Args:
         corner: of both motions.
-        cuts: the cuts.
-        passed: path times at which they are nearest to the corner, s.
-        gaps: distances from it then, rad.
-        near: those within the tolerance.
-        timing: of the motion.
+        cuts: within the tolerance.
+        is_timed_anew: whether the second motion goes on as fast as the limits permit.
     """
     period = corner.second.period
     by_rest = period * (corner.first.last_record + HISTORY) + corner.second.duration
     best: tuple[int, Motion] | None = None
-    tries, most_saved, done = 0, 0.0, -1
-    for one in near.tolist():
-        leave, start = int(cuts.leave[one]), cuts.start(corner, one)
-        if leave == done:
-            continue  # a quicker one from there was found
-        path = cuts.path(corner, one, float(passed[one]))
-        if timing is not _Timing.WHOLE and not _keeps_first(path, start, corner):
-            continue
-        if tries == _TRIES:
-            break
-        tries += 1
+    most_saved = 0.0
+    for cut in sorted(cuts, key=lambda one: one.expected)[:_TRIES]:
         try:
-            motion = _motion(path, start, corner, float(gaps[one]), timing)
+            motion = _motion(cut, corner, is_timed_anew=is_timed_anew)
         except PlanError:
             continue
-        done, saved = leave, by_rest - period * leave - motion.duration
+        saved = by_rest - period * cut.leave - motion.duration
         if saved > most_saved:
             note = (
-                f"blended with the motion before: passes the corner at {gaps[one]:.4g} rad, "
+                f"blended with the motion before: passes the corner at {cut.gap:.4g} rad, "
                 f"{saved:.3f} s sooner than by way of rest"
             )
-            best, most_saved = (leave, motion.noted(note)), saved
-        if timing is _Timing.OWN:
-            break
+            best, most_saved = (cut.leave, motion.noted(note)), saved
     return best
 
 
@@ -387,212 +364,190 @@ def _records(corner: _Corner) -> tuple[Indices, Indices] | str:
     most = min(coming[-1], going[-1])
     if not most > _SAME:
         return "the orientation changes on one side of the corner only, or not at all"
-    distances = most * np.geomspace(1.0, _NEAREST, _DISTANCES)
+    ends = first.state_at(int(leave[0])).q, second.sample([period * float(joined[-1])]).q[0]
+    distances = min(most, corner.reach(*ends)) * _DISTANCES
+    share = _AHEAD if corner.is_slow else 1.0
     back = np.minimum(np.searchsorted(coming, distances), len(leave) - 1)
-    ahead = np.minimum(np.searchsorted(going, distances), len(joined) - 1)
+    ahead = np.minimum(np.searchsorted(going, share * distances), len(joined) - 1)
     return leave[len(leave) - 1 - back], joined[ahead]
 
 
-def _cuts(corner: _Corner, leave: Indices, joined: Indices, timing: _Timing) -> _Cuts:
-    """Return the cuts between given records.
+def _cuts(corner: _Corner, leave: Indices, joined: Indices, *, is_timed_anew: bool) -> list[_Cut]:
+    """Return the cuts between given records that are within the tolerance.
 
     Args:
         corner: of both motions.
         leave: records at which to leave the first motion.
         joined: records at which to join the second one.
-        timing: if it is not the second motion's own, a cut joins that no faster than it leaves the
-            first one.  To gain speed it would swing out.
+        is_timed_anew: whether the second motion goes on as fast as the limits permit.
     """
-    first, second, period = corner.first, corner.second, corner.first.facts.period
-    shares = _SHARES if timing is _Timing.OWN else _FEW_SHARES
-    pairs = np.repeat(np.arange(len(leave)), len(shares))
-    leave, times = leave[pairs], period * joined[pairs].astype(np.float64)
-    here, there = first.rows_at(leave), corner.path.sample(times)
-    speeds = np.linalg.norm(here[:, 4:7], axis=1)
-    rates = np.ones(len(times))
-    if timing is not _Timing.OWN and second.request.omega_end is None:
-        rates = speeds / np.maximum(np.linalg.norm(there.omega_body, axis=1), _SAME)
-        rates = np.clip(rates, _SLOWEST, 1.0)
-    spared = period * (first.last_record - leave) + times / rates
-    durations = spared * np.tile(shares, len(pairs) // len(shares))
-    if timing is _Timing.OWN:
-        durations = period * np.maximum(np.rint(durations / period), 2.0)
-    begins, rate = (here[:, :4], here[:, 4:7], here[:, 7:10]), rates[:, None]
-    ends = there.q, there.omega_body * rate, there.alpha_body * rate**2
-    # The first motion may be at its limits where the blend leaves it.
-    around = first.state_at(int(leave[np.argmax(speeds)]))
-    w, kept = try_joins(begins, ends, durations, around, second.limits)
-    order = np.arange(len(leave))
-    if timing is _Timing.OWN:
-        kept = kept[(spared - durations)[kept] > 0.0]
-        order = kept[np.argsort(-(spared - durations)[kept], kind="stable")]
-    return _Cuts(leave[order], here[order], times[order], rates[order], durations[order], w[order])
+    first, second, path = corner.first, corner.second, corner.path
+    times = second.period * joined.astype(np.float64)
+    legs = np.concatenate([_legs_before(first, leave), _legs_after(path, times)], axis=1)
+    ahead = second.rows(0, second.record_count)
+    speeds = np.linalg.norm(ahead[:, 4:7], axis=1)
+    turned = np.concatenate([[0.0], np.cumsum(angle(ahead[:-1, :4], ahead[1:, :4]))])
+    found = []
+    for record, join, time, leg in zip(
+        leave.tolist(), joined.tolist(), times.tolist(), legs, strict=True
+    ):
+        start, own = first.state_at(record), float(speeds[join])
+        speed = float(np.linalg.norm(start.omega_body))
+        if not min(own, speed) > _LEAST * second.limits.velocity:
+            continue
+        most = _MOST * next(iter(corner.narrow.along((ahead[join, 4:7] / own).tolist())))
+        wanted = [min(share * speed, most) for share in _SPEEDS] if is_timed_anew else [own]
+        if wanted[0] > most:
+            continue
+        for pace in sorted(set(wanted)):
+            rest = _behind(second, path, time)
+            if is_timed_anew:
+                rest = _at_speed(rest, pace)
+            later = join + int(np.argmax(speeds[join:] >= min(pace, float(speeds[join:].max()))))
+            left = second.duration - second.period * later + (turned[later] - turned[join]) / pace
+            cut = _cut(corner, record, start, rest, left, leg, is_timed_anew=is_timed_anew)
+            if cut is not None:
+                found.append(cut)
+    return found
 
 
-def _measured(corner: _Corner, cuts: _Cuts) -> tuple[Floats, Floats, Indices]:
-    """Return when the cuts are nearest to the corner, how near, and which are within the tolerance.
+def _cut(
+    corner: _Corner, record: int, start: State, rest: KeyframePath, left: float, leg: Floats,
+    *, is_timed_anew: bool,
+) -> _Cut | None:  # fmt: skip
+    """Return the cut from a record onto a path, if it is within the tolerance.
 
-    Those are within it at the corner and at their farthest distance from both motions.
-    """
-    records, coming = np.unique(cuts.leave, return_inverse=True)
-    times, going = np.unique(cuts.times, return_inverse=True)
-    before_it, after_it = _legs_before(corner.first, records), _legs_after(corner.path, times)
-    legs = np.concatenate([before_it[coming], after_it[going]], axis=1)
-    shares = np.linspace(0.0, 1.0, _POINTS)
-    q = sample_joins(cuts.here[:, :4], cuts.w, shares)
-    gaps = angle(q, corner.q)
-    nearest = np.argmin(gaps[:, 1:-1], axis=1) + 1
-    # The parabola through the squares of three distances gives the place and the distance between.
-    a, b, c = (gaps[np.arange(len(gaps)), nearest + step] ** 2 for step in (-1, 0, 1))
-    bend = np.maximum(a - 2.0 * b + c, np.finfo(np.float64).tiny)
-    shift = np.clip(0.5 * (a - c) / bend, -0.5, 0.5)
-    gap = np.sqrt(np.maximum(b - 0.5 * bend * shift**2, 0.0))
-    passed = (shares[nearest] + shift * shares[1]) * cuts.durations
-    lines = align(np.concatenate([q[:, :1], legs[..., :4]], axis=1))[:, 1:]
-    away = 4.0 * np.arcsin(np.minimum(0.5 * _farthest(q, lines), 1.0))
-    is_near = np.maximum(gap, away) <= _SURE * corner.tolerance
-    if np.ptp(legs[..., 4:], axis=(0, 1)).any():
-        moves = _moves(corner.path, cuts, shares)
-        is_near &= _farthest(moves, legs[..., 4:]) <= _SURE * corner.moved + refusal.SAME_POSITION
-    return passed, gap, np.flatnonzero(is_near)
-
-
-def _moves(path: Path, cuts: _Cuts, shares: Floats) -> Floats:
-    """Return positions of cuts at shares of their durations, shape ``(n, len(shares), 3)``."""
-    whole, rate = cuts.durations[:, None], (cuts.rates * cuts.durations)[:, None]
-    position, velocity, acceleration = path.positions.sample(cuts.times)
-    here = cuts.here[:, 10:13], cuts.here[:, 13:16] * whole, cuts.here[:, 16:19] * whole**2
-    there = position, velocity * rate, acceleration * rate**2
-    ends = [np.stack(both, axis=1).reshape(-1, 3) for both in zip(here, there, strict=True)]
-    pieces = quintics(np.ones(len(ends[0]) - 1), *ends)[::2]
-    moves: Floats = np.vander(shares, pieces.shape[1], increasing=True) @ pieces
-    return moves
-
-
-def _farthest(points: Floats, lines: Floats) -> Floats:
-    """Return the farthest distance of points from lines of straight pieces.
+    It is within it at the corner and at its farthest distance from both motions.
 
     Args:
-        points: shape ``(n, k, d)``.
-        lines: shape ``(n, m, d)``.
-
-    Returns:
-        Shape ``(n,)``.
+        corner: of both motions.
+        record: of the first motion.
+        start: its state.
+        rest: the path of the second motion.
+        left: about how long that takes, s.
+        leg: poses of both motions, shape ``(n, 7)``.
+        is_timed_anew: as in :func:`_cuts`.
     """
-    begins, steps = lines[:, None, :-1], np.diff(lines, axis=1)[:, None]
-    squares = np.maximum(np.sum(steps**2, axis=3), np.finfo(np.float64).tiny)
-    away = points[:, :, None] - begins
-    shares = np.clip(np.einsum("nkmd,njmd->nkm", away, steps) / squares, 0.0, 1.0)
-    gaps = np.linalg.norm(away - shares[..., None] * steps, axis=3)
-    farthest: Floats = np.max(np.min(gaps, axis=2), axis=1)
-    return farthest
+    period = corner.second.period
+    share = TAKE_OVER_SHARE if is_timed_anew else LEAD_SHARE
+    limits = corner.narrow.lower(corner.second.limits)
+    find = partial(
+        connected, start, rest.first, limits=limits, own=limits, period=period, share=share
+    )
+    shares, least, over = np.linspace(0.0, 1.0, _POINTS), 0.0, math.inf
+    while over > 1.0:
+        try:
+            lead = find(least=least)
+        except PlanError:
+            return None
+        moves, *rates = _positions(lead, start, rest).sample(shares * lead.duration)
+        speed, push = (float(np.max(np.linalg.norm(one, axis=1))) for one in rates)
+        over = max(speed / limits.linear_velocity, math.sqrt(push / limits.linear_acceleration))
+        over /= _NEARLY
+        if least and over > 1.0:
+            return None
+        # A position may need more time.
+        least = over * lead.duration
+    q = lead.orientations(shares * lead.duration)
+    gaps = angle(q, corner.q)
+    nearest = int(np.argmin(gaps[1:-1])) + 1
+    # The parabola through the squares of three distances gives the place and the distance between.
+    a, b, c = (gaps[nearest - 1 : nearest + 2] ** 2).tolist()
+    bend = max(a - 2.0 * b + c, np.finfo(np.float64).tiny)
+    shift = min(max(0.5 * (a - c) / bend, -0.5), 0.5)
+    gap = math.sqrt(max(b - 0.5 * bend * shift**2, 0.0))
+    passed = float(shares[nearest] + shift * shares[1]) * lead.duration
+    lines = align(np.concatenate([q[:1], leg[:, :4]]))[1:]
+    away = 4.0 * math.asin(min(0.5 * _farthest(q, lines), 1.0))
+    if max(gap, away) > _SURE * corner.tolerance:
+        return None
+    moved = _farthest(moves, leg[:, 4:]) if np.ptp(leg[:, 4:], axis=0).any() else 0.0
+    if moved > _SURE * corner.moved + refusal.SAME_POSITION:
+        return None
+    expected = period * record + lead.duration + left
+    return _Cut(record, lead, rest, passed, gap, expected)
 
 
-def _followed(
-    lead: Trajectory,
-    start: State,
-    second: Motion,
-    path: Path,
-    time: float,
-    rate: float,
-    passed: float,
-) -> KeyframePath:
-    """Return a lead onto a motion, and the rest of that at a constant rate.
+def _farthest(points: Floats, lines: Floats) -> float:
+    """Return the farthest distance of points, shape ``(k, d)``, from lines, shape ``(m, d)``."""
+    begins, steps = lines[None, :-1], np.diff(lines, axis=0)[None]
+    squares = np.maximum(np.sum(steps**2, axis=2), np.finfo(np.float64).tiny)
+    away = points[:, None] - begins
+    shares = np.clip(np.sum(away * steps, axis=2) / squares, 0.0, 1.0)
+    gaps = np.linalg.norm(away - shares[..., None] * steps, axis=2)
+    return float(np.max(np.min(gaps, axis=1)))
+
+
+def _behind(second: Motion, path: Path, time: float) -> KeyframePath:
+    """Return the path of a motion behind a path time, s, which is then its time 0."""
+    whole = KeyframePath(path.trajectory, path.positions, second.keyframe_times)
+    return whole.since(time)
+
+
+def _at_speed(path: KeyframePath, speed: float) -> KeyframePath:
+    """Return a path that begins at a constant speed, rad/s, with its own times changed for that."""
+    trajectory, length = path.trajectory, path.duration
+    _, omega, alpha = trajectory.ends()
+    own = float(np.linalg.norm(omega[0]))
+    # The squared rate ends the change of the speed, and then stays.
+    rate = (speed / own) ** 2
+    slope = -2.0 * rate * float(omega[0] @ alpha[0]) / own**2
+    reach = min(0.5 * length, _CHANGE * rate / abs(slope) if slope else length)
+    last = rate + 0.5 * reach * slope
+    nodes, weights = np.polynomial.legendre.leggauss(_KNOTS // 2)
+    at = 0.5 * (nodes + 1.0)
+    squared = rate + reach * slope * (at - 0.5 * at**2)
+    took = 0.5 * reach * float(weights @ (1.0 / np.sqrt(squared)))
+    clock = TimeMap(
+        np.array([0.0, took, took + (length - reach) / math.sqrt(last)]),
+        np.array([0.0, reach, length]),
+        np.array([rate, last, last]),
+        np.array([slope, 0.0, 0.0]),
+        np.zeros(2),
+    )
+    positions = path.positions
+    if not positions.is_held:
+        positions = positions.retimed(clock, clock.times_of(np.linspace(0.0, length, _KNOTS)))
+    times = np.where(path.times > 0.0, clock.times_of(np.maximum(path.times, 0.0)), path.times)
+    retimed = replace(clock.retimed(trajectory), continuity=trajectory.continuity)
+    return KeyframePath(retimed, positions, times, path.notes)
+
+
+def _positions(lead: Trajectory, start: State, rest: KeyframePath) -> PositionPath:
+    """Return the position during a lead and behind it."""
+    there = rest.positions.state(0.0)
+    positions = rest.positions.delayed(lead.duration)
+    if not (start.is_position_moving or np.any(there[0] != start.position)):
+        return positions
+    piece = quintic((start.position, start.velocity, start.acceleration), there, lead.duration)
+    breaks = np.array([0.0, lead.duration])
+    return positions.after(PositionPath(breaks, piece[None], start.position, there[0]))
+
+
+def _followed(lead: Trajectory, start: State, rest: KeyframePath, passed: float) -> KeyframePath:
+    """Return a lead and the path behind it.
 
     Args:
         lead: the orientations of the lead, from path time 0 on.
         start: where it begins.
-        second: the motion.
-        path: its path.
-        time: path time of the motion at which the lead joins it, s.
-        rate: of the motion from there on.
-        passed: path time of the lead at which it passes the keyframes before that, s.
-
-    Returns:
-        The whole path; its first times are *passed* and the end of the lead.
+        rest: the path behind it.
+        passed: path time at which the lead passes the keyframes that are not behind it, s.
     """
-    whole = lead.duration
-    position, velocity, acceleration = path.positions.state(time)
-    there = position, velocity * rate, acceleration * rate**2
-    positions = path.positions.since(time).delayed(-time)
-    positions = (positions if positions.is_held else positions.slowed(1.0 / rate)).delayed(whole)
-    if start.is_position_moving or np.any(position != start.position):
-        piece = quintic((start.position, start.velocity, start.acceleration), there, whole)
-        breaks = np.array([0.0, whole])
-        positions = positions.after(PositionPath(breaks, piece[None], start.position, position))
-    later = path.trajectory.restricted(time, path.duration).shifted(-time)
-    later = later.slowed(later.duration / rate).shifted(whole)
-    times = second.keyframe_times
-    times = np.where(times < time, passed, whole + (times - time) / rate)
-    times = np.concatenate([[passed, whole], times])
-    return KeyframePath(Trajectory.joined([lead, later]), positions, times)
+    trajectory = Trajectory.joined([lead, rest.trajectory.shifted(lead.duration)])
+    times = np.where(rest.times < 0.0, passed, rest.times + lead.duration)
+    return KeyframePath(trajectory, _positions(lead, start, rest), times)
 
 
-def _motion(
-    path: KeyframePath, start: State, corner: _Corner, gap: float, timing: _Timing
-) -> Motion:
-    """Return the motion along a cut and its continuation.
-
-    Args:
-        path: its first times are those of the corner and of the end of the cut.
-        start: where it leaves the first motion.
-        corner: of both motions.
-        gap: distance from the corner when it passes that, rad.
-        timing: of the motion.
+def _motion(cut: _Cut, corner: _Corner, *, is_timed_anew: bool) -> Motion:
+    """Return the motion along a cut and behind it.
 
     Raises:
         PlanError: it breaks a limit.
     """
-    second, fastest = corner.second, corner.narrow.velocity
-    request, limits, period = second.request, second.limits, second.period
-    # An end velocity that holds at a given time fixes everything after it.
-    end = path.duration if request.omega_end is None else float(path.times[-1])
-
-    def certify(timed_path: KeyframePath) -> Motion:
-        passed, joined, *times = timed_path.times.tolist()
-        whole = replace(timed_path, times=np.array(times))
-        if timing is not _Timing.OWN and end < path.duration - _SAME:
-            rest = path.trajectory.restricted(end, path.duration).shifted(whole.duration - end)
-            whole = replace(whole, trajectory=Trajectory.joined([whole.trajectory, rest]))
-        motion = certified(whole, request, start, limits, period, motion_id=second.id)
-        if timing is _Timing.WHOLE and not _keeps_first(timed_path, start, corner):
-            raise PlanError("it is too fast before the corner")
-        return replace(motion, corner=(passed, gap), joined=joined)
-
-    if timing is _Timing.OWN:
-        return certify(path)
-    core, passed = replace(path, trajectory=path.trajectory.restricted(0.0, end)), path.times[0]
-
-    def make(within: Limits) -> QuickPath:
-        if timing is _Timing.WHOLE:
-            within = replace(within, velocity=min(within.velocity, fastest))
-            return quickest(core, within, period)
-        quick = quickest(core.since(passed), within, period)
-        lead = path.trajectory.restricted(0.0, passed)
-        return replace(
-            quick,
-            trajectory=Trajectory.joined([lead, quick.trajectory.shifted(passed)]),
-            positions=quick.positions.delayed(passed).after(path.positions.until(passed)),
-            times=passed + quick.times,
-        )
-
-    return timed(make, certify, limits)
-
-
-def _keeps_first(path: KeyframePath, start: State, corner: _Corner) -> bool:
-    """Return whether a path keeps the limits before the corner; its first time is that of it."""
-    period, passed = corner.second.period, float(path.times[0])
-    peaks = measure(
-        Path.joined([path.trajectory], path.positions, start.q),
-        int(passed / period) + 1,
-        period,
-        corner.narrow,
-        before=before(start, period),
-        rests=(False, False),
-        tolerance=GUARD_TOLERANCE,
-    )
-    try:
-        refusal.check_limits(peaks, refusal.Place(corner.second.request, 0.0, passed, path.times))
-    except LimitError:
-        return False
-    return True
+    second, rest, start = corner.second, cut.rest, corner.first.state_at(cut.leave)
+    limits, period = second.limits, second.period
+    if is_timed_anew:
+        rest = quickest(rest, limits.at_period(period), period)
+    whole = _followed(cut.lead, start, rest, cut.passed)
+    motion = certified(whole, second.request, start, limits, period, motion_id=second.id)
+    return replace(motion, corner=(cut.passed, cut.gap), joined=cut.lead.duration)

@@ -78,16 +78,34 @@ def lead_in(
         return from_rest(start, first, limits=limits, period=period, share=share, is_even=is_even)
     positions = position_lead(start, first.position, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
-    within, stopping = limits.with_reserve(share), own.with_reserve(share)
-    more = max(min(_MORE, MOST_SHARE / share), 1.0)
-    found = connector(
-        start, first, limits=within, own=stopping, period=period, least=least, more=more
-    )
+    found = connected(start, first, limits=limits, own=own, period=period, share=share, least=least)
     if not positions.is_held:
         positions = position_lead(
             start, first.position, limits=limits, period=period, least=found.duration
         )
     return LeadIn((found,), round(found.duration / period), positions)
+
+
+def connected(
+    start: State,
+    end: State,
+    *,
+    limits: Limits,
+    own: Limits,
+    period: float,
+    share: float,
+    least: float = 0.0,
+) -> Trajectory:
+    """Return the connector between two states that uses a share of acceleration and jerk.
+
+    The other arguments are those of :func:`lead_in`; *least* is its least duration, s.
+
+    Raises:
+        PlanError: it takes longer than the longest allowed motion.
+    """
+    within, stopping = limits.with_reserve(share), own.with_reserve(share)
+    more = max(min(_MORE, MOST_SHARE / share), 1.0)
+    return connector(start, end, limits=within, own=stopping, period=period, least=least, more=more)
 
 
 def from_rest(

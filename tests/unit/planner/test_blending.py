@@ -332,7 +332,8 @@ def test_a_second_blend_begins_behind_the_first_one():
         ([LEGS[1], LEGS[2]], {}, 0.1, 10_000, "too late"),
         ([LEGS[1], LEGS[2]], {}, 1e-6, 276, "in the 0.002 s that were left of it"),
         ([LEGS[1], LEGS[1]], {}, 0.1, 0, "the orientation changes on one side of the corner only"),
-        ([LEGS[1], LEGS[2]], {"acceleration": 0.01}, 0.1, 0, "keeps the limits of both"),
+        ([LEGS[1], LEGS[2]], {"acceleration": 0.3}, 0.1, 0, "keeps the limits of both"),
+        ([LEGS[1], LEGS[2]], {"acceleration": 0.01}, 0.1, 0, "is further than 0.1 rad"),
     ],
 )
 def test_a_stop_for_want_of_a_blend_is_noted_with_its_reason(
