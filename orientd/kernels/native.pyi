@@ -50,10 +50,6 @@ def sample_trajectory(
 ) -> int: ...
 
 # connectors.h
-def try_joins(
-    first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
-    kept: Indices, /,
-) -> None: ...  # fmt: skip
 def connect(
     start: Floats, end: Floats, limits: Floats, own: Floats, period: float, least: float,
     longest: float, most_turn: float, more: float, breaks: Floats, pieces: Floats, /,

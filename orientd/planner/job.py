@@ -16,8 +16,7 @@ from orientd.model.request import MotionRequest
 from orientd.planner import refusal
 from orientd.planner.certify.measuring import measure
 from orientd.planner.certify.summary import before, summed_up
-from orientd.planner.connect.connector import join_in
-from orientd.planner.connect.leads import MOST_SHARE, LeadIn, lead_in, lead_out
+from orientd.planner.connect.leads import MOST_SHARE, LeadIn, join_in, lead_in, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
@@ -352,7 +351,8 @@ class PlanJob:
             refusal.check_start(start, State(first.q, *rates, *place), self.limits)
         else:
             return None
-        return join_in(path, start, limits=self.limits, period=self.period)
+        share = self.share_from(start)
+        return join_in(path, start, limits=self.limits, period=self.period, share=share)
 
     def motion(
         self, path: KeyframePath | State, name: str, *notes: str, share: float = 1.0

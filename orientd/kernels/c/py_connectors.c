@@ -1,22 +1,10 @@
-/* Joins and connectors as Python calls them. */
+/* Connectors and stops as Python calls them. */
 #include "binding.h"
 #include "connectors.h"
 #include "shorten.h"
 #include "trajectory.h"
 
 static bool is_matrix(matrix_t a, index_t n, index_t m) { return a.n == n && a.m == m; }
-static bool is_tensor(tensor_t a, index_t n, index_t m, index_t k) {
-    return a.n == n && a.m == m && a.k == k;
-}
-
-KERNEL(try_joins) {
-    TAKE("mmvvmTX");
-    index_t n = a[2].v.n;
-    CHECK(is_matrix(a[0].m, n, STATE) && is_matrix(a[1].m, n, STATE) && a[3].v.n == STATE);
-    CHECK(is_matrix(a[4].m, 3, 4) && is_tensor(a[5].t, n, FACTORS, 3) && a[6].x.n == n);
-    RUN(try_joins(a[0].m, a[1].m, a[2].v, a[3].v, a[4].m, a[5].t, a[6].x));
-    Py_RETURN_NONE;
-}
 
 static bool is_table(row_t breaks, matrix_t pieces) {
     return is_matrix(pieces, breaks.n - 1, PIECE) && pieces.n > 0;
@@ -41,7 +29,6 @@ KERNEL(stop) {
 }
 
 PyMethodDef connectors_methods[] = {
-    ENTRY(try_joins),
     ENTRY(connect),
     ENTRY(stop),
     LAST_ENTRY,

@@ -10,7 +10,28 @@
 #define FINEST 8e-4
 /* Fewest periods of a connector that is shortened: of a shorter one little is left to gain. */
 #define FEWEST 6.0
+/* Of the limit of the velocity, for peaks between the control points. */
+#define VELOCITY_MARGIN 0.9999
+/* The bounds are those of the ends: rounding must not decide whether these keep them. */
+#define ROUNDING 1e-9
 #define WHOLE 1e-9          /* of a period */
+
+/* Return the limits, but never less than what a device has in either of two states. */
+static bounds_t bounds_of(const motion_t *start, const motion_t *end, matrix_t limits) {
+    bounds_t bounds;
+    for (int order = 0; order < 3; order++)
+        for (int k = 0; k < 4; k++)
+            bounds.most[order][k] = row_of(limits, order)[k] * (order ? 1.0 : VELOCITY_MARGIN);
+    vec_t has[2][2] = {{start->omega, end->omega}, {start->alpha, end->alpha}};
+    for (int order = 0; order < 2; order++)
+        for (int i = 0; i < 2; i++)
+            for (int k = 0; k < 4; k++)
+                bounds.most[order][k] = fmax(bounds.most[order][k], size_of(has[order][i], k));
+    for (int order = 0; order < 3; order++)
+        for (int k = 0; k < 4; k++)
+            bounds.most[order][k] *= 1.0 + ROUNDING;
+    return bounds;
+}
 
 void put_given(spline_t *s) {
     int n = s->elements;

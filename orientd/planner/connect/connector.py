@@ -2,146 +2,51 @@
 
 A stop has a closed form of three phases of constant jerk (``orientd/kernels/c/stop.c``).  A
 connector is a stop, a turn and a run-up, which always exists, made as short as the limits permit;
-see ``orientd/kernels/c/shorten.h``.  Joins are quintic pieces with given states at their ends; see
-``orientd/kernels/c/connectors.h``.
+see ``orientd/kernels/c/shorten.h``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from orientd import kernels
-from orientd.curves.basis import Indices
 from orientd.curves.trajectory import PIECE, Trajectory
 from orientd.errors import PlanError
 from orientd.model.limits import LONGEST, Limits
 from orientd.planner.certify.measuring import limit_table
-from orientd.planner.errors import JoinError
 from orientd.planner.state import State
-from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.rotation import Floats, angle, exp, multiply
+from orientd.rotation import Floats, angle
 
 FACTORS = 5
-_MOST_PIECES = 16_384  # Most intervals of a trajectory of joins.
+_MOST_PIECES = 16_384  # of a product
 _MOST_PHASES = 64  # in the first table
 # Sums of Bernstein polynomials of degree 5, each from one on to the last.
 _BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
 _SAME = 1e-9  # of a duration
 _TURN_SLACK = 1.001  # tolerance of the largest turn of a connector, for rounding
-_TRIES, _FEWEST = 60, 2  # number of durations to try for a join onto a curve, and its fewest cycles
-
-
-def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
-    """Return joins end to end; velocity and acceleration must agree where two of them meet.
-
-    Args:
-        q: their initial orientations, shape ``(n, 4)``.
-        w: their half-angle increments, shape ``(n, 5, 3)``.
-        breaks: their start times, and the end of the last one, s, shape ``(n + 1,)``.
-
-    Raises:
-        PlanError: they turn too far for a table of moderate size.
-    """
-    first = FACTORS * np.arange(len(q))
-    values = np.repeat(_BASIS[None], len(q), axis=0)
-    return Trajectory.of_product(
-        breaks, (np.ascontiguousarray(q), first, w.reshape(-1, 3), values), most=_MOST_PIECES
-    )
 
 
 def join(q: Floats, w: Floats, duration: float) -> Trajectory:
-    """Return the trajectory of one join over ``[0, duration]``; see :func:`joins`."""
-    return joins(q[None], w[None], np.array([0.0, duration]))
+    """Return the cumulative Bernstein product of degree 5 over ``[0, duration]``.
+
+    Args:
+        q: initial orientation.
+        w: half-angle increments, shape ``(5, 3)``.
+        duration: s.
+
+    Raises:
+        PlanError: it turns too far for a table of moderate size.
+    """
+    product = q[None], np.zeros(1, dtype=np.int64), w, _BASIS[None]
+    return Trajectory.of_product(np.array([0.0, duration]), product, most=_MOST_PIECES)
 
 
 def hold(q: Floats, duration: float) -> Trajectory:
     """Return the trajectory that stays at *q* for a duration, s."""
     return join(q, np.zeros((FACTORS, 3)), duration)
-
-
-def try_joins(
-    first: Sequence[Floats],
-    last: Sequence[Floats],
-    durations: Floats,
-    around: State,
-    limits: Limits,
-) -> tuple[Floats, Indices]:
-    """Return the increments of several joins, the shorter way round, and which keep the limits.
-
-    Args:
-        first: their initial orientations, velocities and accelerations, shapes ``(n, 4)``, ``(n,
-            3)`` and ``(n, 3)``.
-        last: their final ones.
-        durations: s, shape ``(n,)``.
-        around: a state whose velocity and acceleration are allowed even beyond the limits.
-        limits: of norm and components.
-
-    Returns:
-        Increments, shape ``(n, 5, 3)``, and the indices of those that keep the limits, in order.
-    """
-    w: Floats = np.empty((len(durations), FACTORS, 3))
-    kept = np.empty(len(durations), dtype=np.int64)
-    begins, ends = (
-        np.ascontiguousarray(np.concatenate(states[:3], axis=1)) for states in (first, last)
-    )
-    kernels.try_joins(begins, ends, durations, state_row(around), limit_table(limits), w, kept)
-    return w, np.flatnonzero(kept)
-
-
-def sample_joins(q: Floats, w: Floats, shares: Floats) -> Floats:
-    """Return orientations on several joins at shares of their durations.
-
-    Args:
-        q: their initial orientations, shape ``(n, 4)``.
-        w: their half-angle increments, shape ``(n, 5, 3)``.
-        shares: in [0, 1], shape ``(m,)``.
-
-    Returns:
-        Shape ``(n, m, 4)``; the sign is continuous.
-    """
-    powers = np.arange(FACTORS + 1)
-    binomials = np.array([math.comb(FACTORS, k) for k in powers])
-    u = shares[:, None]
-    values = (binomials * u**powers * (1.0 - u) ** (FACTORS - powers)) @ _BASIS.T
-    orientations = np.repeat(q[:, None], len(shares), axis=1)
-    for factor in range(FACTORS):
-        turns = 2.0 * values[:, factor, None] * w[:, None, factor]
-        orientations = multiply(orientations, exp(turns))
-    return orientations
-
-
-def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) -> Trajectory:
-    """Return the shortest trajectory from path time 0 onto a keyframe path.
-
-    For curves that cannot begin at rest, or with a given acceleration.  A join starts from the
-    state of the device and reaches the path, in step with it, shortly after.
-
-    Args:
-        path: begins at the orientation of the device.
-        start: the commanded state of the device.
-        limits: limits of the join; the path may use them fully itself.
-        period: the join takes a whole number of periods, s.
-
-    Raises:
-        JoinError: no join within the first interval keeps the limits.
-    """
-    most = min(int(path.times[1] / period), math.ceil(path.duration / period) - 1)
-    cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
-    durations = period * cycles[cycles <= most]
-    if len(durations):
-        here = (start.q, start.omega_body, start.alpha_body)
-        first = [np.tile(part, (len(durations), 1)) for part in here]
-        last = path.trajectory.sample(durations)
-        w, kept = try_joins(first, last, durations, start, limits)
-        if len(kept):
-            return join(start.q, w[kept[0]], float(durations[kept[0]]))
-    raise JoinError(
-        "found no connector from the device's state onto the curve; use c2_cumulative, which can "
-        "begin with it, or set `approach: true` to plan a lead-in"
-    )
 
 
 def connector(

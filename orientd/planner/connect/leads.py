@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,9 +21,11 @@ from orientd.errors import PlanError
 from orientd.model.limits import Limits, is_still
 from orientd.planner.connect.connector import FACTORS, connector, hold, join, stop
 from orientd.planner.connect.position_stop import check_lead, position_lead
+from orientd.planner.errors import JoinError
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
 from orientd.planner.state import State
 from orientd.planner.timing.axis_turn import phases_of_turn
+from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
@@ -31,6 +34,7 @@ MOST_SHARE = 0.9995
 """Largest share of acceleration and jerk: the law between two records may need the rest."""
 
 _MORE = 1.01  # of acceleration and jerk, for another search for a connector
+_TRIES, _FEWEST = 16, 2  # number of times to reach a curve at, and its fewest cycles
 _SLACK = 1e-9  # of a period
 _ROUNDING = 1e-9  # of a velocity
 _SHARES = np.linspace(0.0, 1.0, 65)  # of a lead-out, at which its velocity is looked at
@@ -106,6 +110,39 @@ def connected(
     within, stopping = limits.with_reserve(share), own.with_reserve(share)
     more = max(min(_MORE, MOST_SHARE / share), 1.0)
     return connector(start, end, limits=within, own=stopping, period=period, least=least, more=more)
+
+
+def join_in(
+    path: KeyframePath, start: State, *, limits: Limits, period: float, share: float
+) -> Trajectory:
+    """Return a connector from path time 0 onto a keyframe path.
+
+    For curves that cannot begin at rest, or with a given acceleration.  The connector starts from
+    the state of the device and reaches the path, in step with it, shortly after.
+
+    Args:
+        path: begins at the orientation of the device.
+        start: the commanded state of the device.
+        limits: limits of the connector; the path may use them fully itself.
+        period: the connector takes a whole number of periods, s.
+        share: of acceleration and jerk.
+
+    Raises:
+        JoinError: no connector within the first interval keeps the limits.
+    """
+    most = min(int(path.times[1] / period), math.ceil(path.duration / period) - 1)
+    cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
+    find = partial(connected, start, limits=limits, own=limits, period=period, share=share)
+    times = period * cycles[cycles <= most]
+    rates = path.trajectory.sample(times)
+    for time, q, omega, alpha in zip(times.tolist(), *rates, strict=True):
+        found = find(State(q, omega, alpha, start.position), least=time - 0.5 * period)
+        if found.duration < time + 0.5 * period:
+            return found
+    raise JoinError(
+        "found no connector from the device's state onto the curve; use c2_cumulative, which can "
+        "begin with it, or set `approach: true` to plan a lead-in"
+    )
 
 
 def from_rest(
