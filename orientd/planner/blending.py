@@ -5,7 +5,7 @@ shortly after its start.  A wider cut of the corner is faster, and the tolerance
 of the connector is further from both motions.  It keeps the limits of both, and is no faster than
 the rest of the first motion would be.
 
-If the next motion may be as fast as the limits permit, it goes on at the speed of the connector.
+If the next motion may be as fast as the limits permit, it continues at the speed of the connector.
 Otherwise the connector joins it at its own times.
 
 The tolerance of the position is in proportion: as far as the position moves on either motion while
@@ -26,6 +26,7 @@ from orientd.errors import PlanError, StartError
 from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
+from orientd.planner.connect.connector import turn_to_stop
 from orientd.planner.connect.leads import connected
 from orientd.planner.facts import HISTORY
 from orientd.planner.job import LEAD_SHARE, TAKE_OVER_SHARE, certified
@@ -43,7 +44,7 @@ NOT_BLENDED = "not blended with the motion before"
 """The beginning of a note of the certificate that says why a motion is not blended."""
 
 _DISTANCES = np.array([1.0, 0.8, 0.6, 0.4, 0.2])  # from the corner, as shares of the largest
-_AHEAD = 0.25  # of these, at which to join a motion that may be faster than the one before
+_AHEAD = 4.0  # times the turn of a stop, at which a slower motion joins a faster one at most
 _BEYOND = 1.4  # times the distance of an arc that touches both motions and keeps the tolerance
 _SPEEDS = (1.2, 0.9)  # at which to join, as shares of that at which a cut leaves
 _NEARLY = 0.99  # share of a velocity that counts as all of it
@@ -239,9 +240,15 @@ class _Corner:
         return is_slower or is_rough or is_held or not request.is_quickest
 
     @property
-    def is_slow(self) -> bool:
-        """Whether the first motion is slower than the second one."""
-        return self.narrow.velocity < _NEARLY * self.second.certificate.peak_velocity.value
+    def ahead(self) -> float:
+        """How far from the corner to join the second motion, at most, rad.
+
+        A cut is no faster than the first motion, so a second one that is faster must wait for it.
+        """
+        if self.narrow.velocity >= _NEARLY * self.second.certificate.peak_velocity.value:
+            return math.inf
+        rate, zero = np.array([self.narrow.velocity, 0.0, 0.0]), np.zeros(3)
+        return _AHEAD * turn_to_stop(State(self.q, rate, zero, zero), self.narrow)
 
     def reach(self, before: Floats, after: Floats) -> float:
         """Return how far from the corner to leave and to join, at most, rad.
@@ -311,7 +318,7 @@ def _best(corner: _Corner, cuts: list[_Cut], *, is_timed_anew: bool) -> tuple[in
     Args:
         corner: of both motions.
         cuts: within the tolerance.
-        is_timed_anew: whether the second motion goes on as fast as the limits permit.
+        is_timed_anew: whether the second motion continues as fast as the limits permit.
     """
     period = corner.second.period
     by_rest = period * (corner.first.last_record + HISTORY) + corner.second.duration
@@ -366,9 +373,9 @@ def _records(corner: _Corner) -> tuple[Indices, Indices] | str:
         return "the orientation changes on one side of the corner only, or not at all"
     ends = first.state_at(int(leave[0])).q, second.sample([period * float(joined[-1])]).q[0]
     distances = min(most, corner.reach(*ends)) * _DISTANCES
-    share = _AHEAD if corner.is_slow else 1.0
+    joins = np.minimum(distances, corner.ahead)
     back = np.minimum(np.searchsorted(coming, distances), len(leave) - 1)
-    ahead = np.minimum(np.searchsorted(going, share * distances), len(joined) - 1)
+    ahead = np.minimum(np.searchsorted(going, joins), len(joined) - 1)
     return leave[len(leave) - 1 - back], joined[ahead]
 
 
@@ -379,7 +386,7 @@ def _cuts(corner: _Corner, leave: Indices, joined: Indices, *, is_timed_anew: bo
         corner: of both motions.
         leave: records at which to leave the first motion.
         joined: records at which to join the second one.
-        is_timed_anew: whether the second motion goes on as fast as the limits permit.
+        is_timed_anew: whether the second motion continues as fast as the limits permit.
     """
     first, second, path = corner.first, corner.second, corner.path
     times = second.period * joined.astype(np.float64)
