@@ -12,9 +12,10 @@ again in each cycle.  Before a turn-back point of the path there may be no feasi
 device then brakes, passes it and stops after it.  A long stop takes several cycles to roll out, and
 begins at the place that the certified law will have reached by then.
 
-The rollout computes every cycle as the guard will see it.  A difference of the guard equals the
-difference of the path's rotation vector at two places, since the non-commuting part is of third
-order in the period.  Its derivative by the rate is the velocity at the second place.
+The rollout computes every cycle as the guard will see it.  The turn between two places is the
+difference of the rotation vectors *a* and *b* of the path there, less half of their cross product;
+the next term is smaller by the turn of a cycle.  Its derivative by the rate is the velocity at the
+second place.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from copy import copy
 from math import ceil
 
 from orientd.driver import ZERO, AxisLimits, Joints
-from orientd.floats import combine, dot, norm, plus
+from orientd.floats import combine, cross, dot, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.motion_law import stop_phases
 from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
@@ -183,9 +184,11 @@ class QuickStop:
                     if following is None:
                         return
                     u, there = u - 1.0, following
-                    came = plus(turned, start.turn.value(1.0), -1.0)
+                    whole = start.turn.value(1.0)
+                    came = plus(plus(turned, whole, -1.0), cross(whole, turned), -0.5)
                     drift = plus(travelled, start.travel.value(1.0), -1.0)
-                omega, slope = combine(there.turn.value(u), n, came, -n), there.turn.rate(u)
+                goes, slope = there.turn.value(u), there.turn.rate(u)
+                omega = plus(combine(goes, n, came, -n), cross(came, goes), -0.5 * n)
                 velocity = push = ZERO
                 if start.travel is not STANDING or there.travel is not STANDING:
                     velocity = combine(there.travel.value(u), n, drift, -n)
