@@ -12,10 +12,10 @@ again in each cycle.  Before a turn-back point of the path there may be no feasi
 device then brakes, passes it and stops after it.  A long stop takes several cycles to roll out, and
 begins at the place that the certified law will have reached by then.
 
-The rollout computes every cycle as the guard will see it.  The turn between two places is the
-difference of the rotation vectors *a* and *b* of the path there, less half of their cross product;
-the next term is smaller by the turn of a cycle.  Its derivative by the rate is the velocity at the
-second place.
+The rollout computes every cycle as the guard will see it.  The turn between two places of the path
+is the difference of its rotation vectors *a* and *b* there, less half of their cross product.  The
+next term is smaller by the turn of a cycle.  The derivative of the turn by the rate is the velocity
+at the second place.
 """
 
 from __future__ import annotations
