@@ -138,6 +138,10 @@ class Limits:
                 raise TypeError(
                     f"{name} must be a number, got {limit!r}; Limits.partial takes three, too"
                 )
+            object.__setattr__(self, name, float(limit))
+        for name in ANGULAR:
+            axes = tuple(map(float, getattr(self, f"axis_{name}")))
+            object.__setattr__(self, f"axis_{name}", axes)
         for (name, axis), limit in zip(_TABLE, self.numbers(), strict=True):
             if not limit > 0.0:
                 of = f"{name} about {axis}" if axis else name

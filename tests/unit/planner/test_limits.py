@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from orientd.errors import RequestError
-from orientd.planner import DEFAULT_LIMITS, Limits
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 
 ARM = DEFAULT_LIMITS
 
@@ -13,6 +13,14 @@ ARM = DEFAULT_LIMITS
 def test_a_limit_is_positive(limit):
     with pytest.raises(ValueError, match="jerk must be positive"):
         Limits.partial(jerk=limit)
+
+
+def test_whole_numbers_are_limits_too():
+    limits = Limits(2, 10, 100, 1, 10, axis_velocity=(1, 2, 2))
+    assert limits == Limits(2.0, 10.0, 100.0, 1.0, 10.0, axis_velocity=(1.0, 2.0, 2.0))
+    keyframe = Keyframe((0.8, 0.6, 0.0, 0.0), position=(0.1, 0.0, 0.0))
+    request, start = MotionRequest([keyframe], approach=True), State.at_rest((1.0, 0.0, 0.0, 0.0))
+    assert plan(request, start=start, limits=limits, period=0.002).duration > 0.0
 
 
 def test_a_limit_of_the_norm_is_one_number():
