@@ -307,8 +307,7 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
             return resting.with_stops(job, limits)
 
         def stopping() -> Motion | None:
-            is_slower = math.isfinite(took) and make(job.limits).duration >= took
-            if least >= took or is_slower:
+            if least >= took or (math.isfinite(took) and make(job.limits).duration >= took):
                 return None
             certify, has_lead_in = partial(job.motion, name=name), request.approach
             motion = timed(make, certify, job.limits, has_lead_in=has_lead_in)

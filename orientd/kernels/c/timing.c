@@ -301,8 +301,10 @@ static bool cut(const mesh_t *mesh, const index_t *pieces, mesh_t *finer) {
     return true;
 }
 
-/* Count into how many pieces to cut each element; return whether any element is cut. */
-static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_t *path,
+/* Count into how many pieces to cut each element; return whether any element is cut.
+ *
+ * is_fine: only those that exceed a limit, and their neighbours. */
+static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_t *path, bool is_fine,
                      double *wanted, index_t *pieces) {
     index_t n = mesh->n;
     const double *y = row(mesh, VALUES), *d = row(mesh, SLOPES);
@@ -312,8 +314,11 @@ static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_
         double pull = share_of(row_of(path->first, 2 * e + 1), row_of(part->asked->limits, 1));
         wanted[e] = fmax(0.5 * fabs(d[e + 1] - d[e]) * pull / RAMP,
                          fabs(y[e + 1] - y[e]) / fmax(y[e], y[e + 1]) / CHANGE);
+        double most = MISSED;
+        if (is_fine)
+            wanted[e] = 0.0, most = OVER;
         for (int order = 0; order < 3; order++)
-            wanted[e] = fmax(wanted[e], row(mesh, SHARES + order)[e] / MISSED);
+            wanted[e] = fmax(wanted[e], row(mesh, SHARES + order)[e] / most);
     }
     /* Near rest the jerk changes between the places that were checked. */
     for (int side = 0; side < 2; side++)
@@ -423,8 +428,10 @@ static bool has_dips(const mesh_t *mesh) {
     return false;
 }
 
-/* Narrow a mesh where its profile changes quickly; return whether it is another one. */
-static int refine(const part_t *part, mesh_t *mesh, mesh_t *finer) {
+/* Narrow a mesh where its profile changes quickly; return whether it is another one.
+ *
+ * is_fine: only where the profile exceeds a limit. */
+static int refine(const part_t *part, mesh_t *mesh, mesh_t *finer, bool is_fine) {
     profile_path_t path;
     double *memory;
     int is_finer = put_derivatives(part, mesh, &path, &memory);
@@ -433,7 +440,7 @@ static int refine(const part_t *part, mesh_t *mesh, mesh_t *finer) {
     if (is_finer || pieces == NULL || wanted == NULL)
         is_finer = OUT_OF_MEMORY;
     else {
-        is_finer = n < MOST_ELEMENTS && put_cuts(part, mesh, &path, wanted, pieces);
+        is_finer = n < MOST_ELEMENTS && put_cuts(part, mesh, &path, is_fine, wanted, pieces);
         aim_lower(mesh);
         if (!is_finer)
             for (index_t e = 0; e < n; e++)
@@ -468,7 +475,9 @@ static int search(const part_t *part, mesh_t *mesh) {
         count += mesh->n;
         if (round + 1 == MOST_ROUNDS || (round + 1 >= FEWEST_ROUNDS && count >= budget && !is_over))
             break;
-        int is_finer = refine(part, mesh, &finer);
+        /* A position has no limit of the jerk, and changes more quickly beside what was looked at. */
+        bool is_fine = count >= budget && !part->asked->moves.n;
+        int is_finer = refine(part, mesh, &finer, is_fine);
         if (is_finer == OUT_OF_MEMORY) {
             free(finer.rows.v);
             return OUT_OF_MEMORY;
