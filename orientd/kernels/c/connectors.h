@@ -52,7 +52,7 @@ bool add_stop(const motion_t *state, matrix_t limits, double period, double long
 bool by_way_of_rest(const motion_t *start, const motion_t *end, matrix_t limits, matrix_t own,
                     double period, double least, double longest, phases_t *to);
 
-/* Write phases as a trajectory, and return how many pieces it has; nothing where there is no room for
+/* Write phases as a trajectory, and return how many pieces it has; nothing if there is no room for
  * them.
  *
  * breaks, pieces: receive the table, shapes (n + 1,) and (n, PIECE). */

@@ -475,7 +475,7 @@ static int search(const part_t *part, mesh_t *mesh) {
         count += mesh->n;
         if (round + 1 == MOST_ROUNDS || (round + 1 >= FEWEST_ROUNDS && count >= budget && !is_over))
             break;
-        /* A position has no limit of the jerk, and changes more quickly beside what was looked at. */
+        /* A position has no limit of the jerk: it may change quickly between the places that were checked. */
         bool is_fine = count >= budget && !part->asked->moves.n;
         int is_finer = refine(part, mesh, &finer, is_fine);
         if (is_finer == OUT_OF_MEMORY) {
