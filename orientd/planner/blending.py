@@ -50,11 +50,12 @@ _SPEEDS = (1.2, 0.9)  # at which to join, as shares of that at which a cut leave
 _NEARLY = 0.99  # share of a velocity that counts as all of it
 _MOST, _LEAST = 0.999, 0.01  # share of the velocity limit at which to join
 _CHANGE = 1.4  # largest change of the squared rate, twice
-_TRIES = 3  # cuts that are certified
+_TRIES = 2  # cuts that are certified
 _POINTS = 33  # of a cut at which its distances are taken
 _LEG = 16  # points of either motion, between which it counts as straight
 _SURE = 0.97  # share of a tolerance that the points may use: a little more lies between them
 _KNOTS = 65  # of a position at another speed
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _SAME = 1e-9
 
 
@@ -501,10 +502,9 @@ def _at_speed(path: KeyframePath, speed: float) -> KeyframePath:
     slope = -2.0 * rate * float(omega[0] @ alpha[0]) / own**2
     reach = min(0.5 * length, _CHANGE * rate / abs(slope) if slope else length)
     last = rate + 0.5 * reach * slope
-    nodes, weights = np.polynomial.legendre.leggauss(_KNOTS // 2)
-    at = 0.5 * (nodes + 1.0)
+    at = 0.5 * (_NODES + 1.0)
     squared = rate + reach * slope * (at - 0.5 * at**2)
-    took = 0.5 * reach * float(weights @ (1.0 / np.sqrt(squared)))
+    took = 0.5 * reach * float(_WEIGHTS @ (1.0 / np.sqrt(squared)))
     clock = TimeMap(
         np.array([0.0, took, took + (length - reach) / math.sqrt(last)]),
         np.array([0.0, reach, length]),
