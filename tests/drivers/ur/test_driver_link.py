@@ -166,14 +166,6 @@ def test_watchdog_of_a_disabled_driver_is_kept_quiet(ur_robot):
         driver.close()
 
 
-def test_program_ends_with_the_driver(ur_robot):
-    driver = driver_of(ur_robot)
-    driver.open()
-    driver.enable()
-    driver.close()
-    assert ur_robot.state()["runtime_state"] == "STOPPED"
-
-
 def test_path_begins_where_the_arm_is(ur_robot):
     arm = driver_of(ur_robot).mechanism(may_ask=True)
     joints = whereabouts(ur_robot.host).joints

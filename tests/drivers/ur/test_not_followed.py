@@ -2,10 +2,7 @@
 
 import math
 
-import numpy as np
 import pytest
-from fake_library import FakeRobot
-from test_arrival import Followed
 from ur_rig import device_of, fault_of, is_holding, recover, streaming, swing, until
 
 from orientd.errors import Fault
@@ -87,24 +84,3 @@ def test_quick_motion_is_followed_at_a_tenth_of_the_speed(ur_robot):
         until(lambda: not is_holding(device), "motion")
         until(lambda: is_holding(device), lambda: f"the end {device.snapshot()}", 60.0)
         assert device.snapshot().fault is Fault.NONE
-
-
-@pytest.mark.parametrize("lookahead", [0.03, 0.2])
-@pytest.mark.parametrize("slider", [1.0, 0.3, 0.1])
-@pytest.mark.real
-def test_quickest_motions_of_all_joints_stay_far_from_the_tolerance(monkeypatch, lookahead, slider):
-    """At 3 rad/s and 40 rad/s^2, with changes of the slider in between."""
-    it = Followed(FakeRobot().install(monkeypatch))
-    it.driver.tune({"lookahead": lookahead, "gain": 2000.0})
-    start, tick = np.array(it.arm.target_q), it.driver.period_ns * 1e-9
-    largest = place = rate = 0.0
-    for k in range(1200):
-        it.slider = slider if k % 500 < 250 else 1.0
-        wanted = 3.0 if k % 400 < 200 else -3.0
-        change = 40.0 * tick * it.slider
-        rate += max(-change, min(change, wanted - rate))
-        place += rate * tick * it.slider
-        it.tick(tuple(start + place * np.array([1, -1, 1, -1, 1, -1])))
-        pairs = zip(it.arm.target_q, it.arm.actual_q, strict=True)
-        largest = max(largest, *(abs(a - b) for a, b in pairs))
-    assert math.radians(0.1) < largest < TOLERANCE / 4

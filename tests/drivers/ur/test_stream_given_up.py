@@ -7,14 +7,21 @@ import random
 import time
 
 import pytest
-from ur_rig import bring, device_of, fault_of, press, push, recover, streaming, swing, until
+from ur_rig import (
+    bring,
+    device_of,
+    fault_of,
+    press,
+    push,
+    recover,
+    stream_of,
+    streaming,
+    swing,
+    until,
+)
 
 from emulated_ur import EmulatedRobot, LaunchError
-from orientd.clock import MonotonicClock
-from orientd.driver import Setpoint
-from orientd.errors import DeviceError, DeviceFaultError, FeedbackError
-from orientd.floats import exp, multiply
-from orientd_ur import UrDriver
+from orientd.errors import DeviceFaultError, FeedbackError
 
 pytest.importorskip("rtde_control")
 
@@ -42,53 +49,10 @@ def play(robot, *, unlock):
     return press(robot.host, "play")
 
 
-class Stream:
-    """A driver that is streamed to, cycle by cycle, as the servo does it."""
-
-    def __init__(self, host, **options):
-        self.driver = UrDriver(
-            {
-                "host": host,
-                "lookahead": 0.1,
-                "watchdog_hz": 1.5,
-                "feedback_timeout": 0.5,
-                **options,
-            },
-            period_ns=2_000_000,
-            clock=MonotonicClock(),
-        )
-        self.driver.open()
-        self.start()
-
-    def start(self):
-        home = self.driver.enable()
-        self.q, self.position, self.angle = home.q, home.position, 0.0
-        self.is_faulty = False
-
-    def cycle(self, rate=0.0):
-        try:
-            self.driver.read()
-            if not self.is_faulty:
-                self.angle += 0.002 * rate
-                q = multiply(self.q, exp((0.0, 0.0, self.angle)))
-                self.driver.write(Setpoint(0, q, position=self.position))
-        except DeviceError:
-            self.is_faulty = True
-            self.driver.rest_in_fault()
-            self.driver.disable()
-        time.sleep(0.002)
-
-    def run(self, seconds, rate=0.0):
-        ends = time.monotonic() + seconds
-        while time.monotonic() < ends:
-            self.cycle(rate)
-
-
 @pytest.mark.parametrize("order", STOPS)
 @pytest.mark.parametrize("is_pushed", [False, True])
 def test_arm_that_was_stopped_stays_when_somebody_presses_play(ur_robot, order, is_pushed):
-    stream = Stream(ur_robot.host)
-    try:
+    with stream_of(ur_robot.host) as stream:
         stream.run(0.4, rate=1.0)
         ur_robot.ask(order)
         until(lambda: stream.cycle() or stream.is_faulty, f"a fault of {order}")
@@ -106,8 +70,6 @@ def test_arm_that_was_stopped_stays_when_somebody_presses_play(ur_robot, order, 
         stream.start()
         stream.run(0.3, rate=0.3)
         assert not stream.is_faulty
-    finally:
-        stream.driver.close()
 
 
 def has_started(stream):
@@ -123,45 +85,40 @@ def test_random_stops_pushes_and_buttons_never_move_the_arm(ur_host):
     generator = random.Random(int(os.environ.get("ORIENTD_SEED", "7")))
     buttons = ("play", "pause", "stop", "load other.urp", "power on", "brake release")
     most = 0.0
-    with EmulatedRobot(ur_host, "--unlock-after", "0.02") as robot:
-        stream = Stream(ur_host)
-        try:
-            for case in range(CASES):
-                rate = generator.uniform(-1.4, 1.4)
-                stream.run(generator.uniform(0.05, 0.4), rate)
-                order = generator.choice(list(STOPS))
-                with contextlib.suppress(LaunchError):
-                    # On a busy machine the robot's watchdog may have ended the program before.
-                    robot.ask(order)
-                until(lambda: stream.cycle() or stream.is_faulty, f"{case}: a fault of {order}")
-                # A fault may be answered by a hand within a tenth of a second.
-                stream.run(generator.uniform(0.05, 0.2))
-                robot.wait_until(lambda s: s["is_still"])
-                stands = robot.state()["actual_q"]
-                if generator.random() < 0.6:
-                    stands = push(robot, [generator.uniform(-0.3, 0.3) for _ in range(6)])
-                if STOPS[order]:
-                    robot.ask(STOPS[order])
-                if order == "protective_stop":
-                    press(ur_host, "unlock protective stop")
-                for _ in range(generator.randint(1, 3)):
-                    press(ur_host, generator.choice(buttons))
-                press(ur_host, "play")
-                stream.run(0.12)
-                off = moved(robot, stands)
-                most = max(most, off)
-                assert off < 1e-4, (case, order, off, robot.state()["log"][-3:])
-                robot.ask("stop")
-                bring(robot, HOME)
-                until(lambda: has_started(stream), "a reset")
-        finally:
-            stream.driver.close()
+    with EmulatedRobot(ur_host, "--unlock-after", "0.02") as robot, stream_of(ur_host) as stream:
+        for case in range(CASES):
+            rate = generator.uniform(-1.4, 1.4)
+            stream.run(generator.uniform(0.05, 0.4), rate)
+            order = generator.choice(list(STOPS))
+            with contextlib.suppress(LaunchError):
+                # On a busy machine the robot's watchdog may have ended the program before.
+                robot.ask(order)
+            until(lambda: stream.cycle() or stream.is_faulty, f"{case}: a fault of {order}")
+            # A fault may be answered by a hand within a tenth of a second.
+            stream.run(generator.uniform(0.05, 0.2))
+            robot.wait_until(lambda s: s["is_still"])
+            stands = robot.state()["actual_q"]
+            if generator.random() < 0.6:
+                stands = push(robot, [generator.uniform(-0.3, 0.3) for _ in range(6)])
+            if STOPS[order]:
+                robot.ask(STOPS[order])
+            if order == "protective_stop":
+                press(ur_host, "unlock protective stop")
+            for _ in range(generator.randint(1, 3)):
+                press(ur_host, generator.choice(buttons))
+            press(ur_host, "play")
+            stream.run(0.12)
+            off = moved(robot, stands)
+            most = max(most, off)
+            assert off < 1e-4, (case, order, off, robot.state()["log"][-3:])
+            robot.ask("stop")
+            bring(robot, HOME)
+            until(lambda: has_started(stream), "a reset")
     print(f"{CASES} cases, moved by {most:.2e} rad at most")
 
 
 def test_fault_of_the_daemon_ends_the_program_too(ur_robot):
-    stream = Stream(ur_robot.host)
-    try:
+    with stream_of(ur_robot.host) as stream:
         stream.run(0.4, rate=0.5)
         stream.run(0.4)
         stream.is_faulty = True  # at rest after a stop on the path
@@ -170,14 +127,11 @@ def test_fault_of_the_daemon_ends_the_program_too(ur_robot):
         assert ur_robot.state()["runtime_state"] == "STOPPED"
         assert "watchdog" not in " ".join(ur_robot.state()["log"])
         assert not stream.driver.notices()
-    finally:
-        stream.driver.close()
 
 
 def test_controller_that_stands_still_is_sent_nothing_after_the_timeout(ur_robot):
     """Setpoints that pile up would reach the arm as one jump when the controller goes on."""
-    stream = Stream(ur_robot.host, feedback_timeout=0.1, link_timeout=2.0)
-    try:
+    with stream_of(ur_robot.host, feedback_timeout=0.1, link_timeout=2.0) as stream:
         stream.run(0.4, rate=0.5)
         before = ur_robot.state()["setpoints"]
         ur_robot.ask("freeze 0.4")
@@ -189,14 +143,12 @@ def test_controller_that_stands_still_is_sent_nothing_after_the_timeout(ur_robot
             except FeedbackError as error:
                 problems.append(str(error))
             # The servo goes on writing while it brakes.
-            stream.driver.write(Setpoint(0, stream.q, position=stream.position))
+            stream.send()
             time.sleep(0.002)
         assert f"no feedback from {ur_robot.host} for 0.1" in problems[0]
         frozen = ur_robot.wait_until(lambda s: s["setpoints"] > before)["ticks"]
         after = ur_robot.wait_until(lambda s: s["ticks"] > frozen + 20)
         assert 0 < after["setpoints"] - before < 0.11 / 0.002
-    finally:
-        stream.driver.close()
 
 
 def test_program_that_plays_during_a_fault_is_an_event(ur_robot):
@@ -217,28 +169,21 @@ def test_program_that_plays_during_a_fault_is_an_event(ur_robot):
 
 
 def test_robot_without_a_dashboard_has_its_program_ended_when_it_is_played(ur_host):
-    with EmulatedRobot(ur_host, "--polyscope", "10.11") as robot:
-        stream = Stream(ur_host)
-        try:
-            stream.run(0.4, rate=1.0)
-            # A safety stop lets no other program take its place.
-            robot.ask("safeguard")
-            stream.run(0.3)
-            stands = robot.wait_until(lambda s: s["is_still"])["actual_q"]
-            robot.ask("release")
-            robot.ask("play")
-            stream.run(0.5)
-            assert moved(robot, stands) < 0.02
-            assert robot.state()["runtime_state"] == "STOPPED"
-            assert "was played on the robot during the fault" in stream.driver.notices()[-1]
-        finally:
-            stream.driver.close()
+    with EmulatedRobot(ur_host, "--polyscope", "10.11") as robot, stream_of(ur_host) as stream:
+        stream.run(0.4, rate=1.0)
+        # A safety stop lets no other program take its place.
+        robot.ask("safeguard")
+        stream.run(0.3)
+        stands = robot.wait_until(lambda s: s["is_still"])["actual_q"]
+        robot.ask("release")
+        robot.ask("play")
+        stream.run(0.5)
+        assert moved(robot, stands) < 0.02
+        assert robot.state()["runtime_state"] == "STOPPED"
+        assert "was played on the robot during the fault" in stream.driver.notices()[-1]
 
 
 def test_arm_that_a_program_holds_is_not_pushed(ur_robot):
-    stream = Stream(ur_robot.host)
-    try:
-        with pytest.raises(LaunchError, match="the arm does not give way"):
-            ur_robot.ask("push 0 0 0 0 0 0")
-    finally:
-        stream.driver.close()
+    words = "the arm does not give way"
+    with stream_of(ur_robot.host), pytest.raises(LaunchError, match=words):
+        ur_robot.ask("push 0 0 0 0 0 0")

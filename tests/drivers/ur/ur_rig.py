@@ -10,11 +10,15 @@ import numpy as np
 from direct_planners import DirectPlanners, plan, run
 
 from orientd import rotation
+from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
-from orientd.errors import Fault
+from orientd.driver import Setpoint
+from orientd.errors import DeviceError, Fault
+from orientd.floats import exp, multiply
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream.records import ServoState
+from orientd_ur import UrDriver
 from orientd_ur.wire import Dashboard
 
 # A busy machine may let nobody run for longer than a real controller ever pauses.
@@ -111,6 +115,93 @@ def recover(device):
     streaming(device)
     until(lambda: is_holding(device), lambda: f"the end after the reset {device.snapshot()}")
     assert device.snapshot().fault is Fault.NONE
+
+
+@contextmanager
+def driver_of(host, *, rate_hz=500, **options):
+    """A driver that is open."""
+    driver = UrDriver(
+        {"host": host, "watchdog_hz": 1.5, "feedback_timeout": 0.5, **options},
+        period_ns=round(1e9 / rate_hz),
+        clock=MonotonicClock(),
+    )
+    try:
+        driver.open()
+        yield driver
+    finally:
+        driver.close()
+
+
+class Stream:
+    """A driver that is streamed to, cycle by cycle, as the servo does it.
+
+    Attributes:
+        driver: the driver.
+        begin: where it was enabled.
+        q, position: last setpoint.
+        is_faulty: whether the driver has raised an error, and was stopped for it.
+    """
+
+    def __init__(self, driver):
+        self.driver = driver
+        self.start()
+
+    def start(self):
+        """Enable the driver; the next setpoints begin where the arm is."""
+        self.begin = self.driver.enable()
+        self.q, self.position, self.is_faulty = self.begin.q, self.begin.position, False
+
+    def send(self, turn=(0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0)):
+        """Write a setpoint that is turned about axes of the tool, and shifted, from the last."""
+        self.q = multiply(self.q, exp(turn))
+        self.position = tuple(a + b for a, b in zip(self.position, shift, strict=True))
+        self.driver.write(Setpoint(0, self.q, position=self.position))
+
+    def step(self, turn=(0.0, 0.0, 0.0)):
+        """Run a cycle; return the feedback."""
+        feedback = self.driver.read()
+        self.send(turn)
+        time.sleep(self.driver.period_ns * 1e-9)
+        return feedback
+
+    def run(self, seconds, rate=0.0, axis=(0.0, 0.0, 1.0)):
+        """Turn the tool, rad/s, about its own *axis* for a time; stop at an error."""
+        ends = time.monotonic() + seconds
+        while time.monotonic() < ends:
+            self.cycle(rate, axis)
+
+    def cycle(self, rate=0.0, axis=(0.0, 0.0, 1.0)):
+        """Run a cycle as the servo does, with an error or after one."""
+        try:
+            if not self.is_faulty:
+                self.step(tuple(self.driver.period_ns * 1e-9 * rate * a for a in axis))
+                return
+            self.driver.read()
+        except DeviceError:
+            self.is_faulty = True
+            self.driver.rest_in_fault()
+            self.driver.disable()
+        time.sleep(self.driver.period_ns * 1e-9)
+
+    def step_for(self, seconds):
+        """Run cycles with the last setpoint, up to the first error."""
+        ends = time.monotonic() + seconds
+        while time.monotonic() < ends:
+            self.step()
+
+    def read_for(self, seconds):
+        """Run cycles without setpoints, up to the first error."""
+        ends = time.monotonic() + seconds
+        while time.monotonic() < ends:
+            self.driver.read()
+            time.sleep(self.driver.period_ns * 1e-9)
+
+
+@contextmanager
+def stream_of(host, **options):
+    """A driver that is enabled and can be streamed to."""
+    with driver_of(host, **options) as driver:
+        yield Stream(driver)
 
 
 def push(robot, angles):

@@ -1,4 +1,4 @@
-"""A controller's ports, which answer whatever a test says."""
+"""Emulated robots, and a controller's ports that answer whatever a test says."""
 
 import contextlib
 import itertools
@@ -9,7 +9,16 @@ import time
 
 import pytest
 
+from emulated_ur import EmulatedRobot
+
 _numbers = itertools.count(1)
+
+
+@pytest.fixture
+def ur_robot():
+    """An emulated robot of the world."""
+    with EmulatedRobot("127.0.0.7", "--unlock-after", "0.05") as robot:
+        yield robot
 
 
 @pytest.fixture
