@@ -368,6 +368,7 @@ def test_every_fault_ends_the_stream_and_the_program(ur_robot):
                 stream.step()
             state = ur_robot.wait_until(lambda s: s["runtime_state"] == "STOPPED")
             assert state["setpoints"] == sent
+            assert "watchdog" not in " ".join(state["log"])
             stream.read_for(0.1)
             assert not stream.driver.notices()
             stream.driver.reset()

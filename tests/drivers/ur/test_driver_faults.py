@@ -14,14 +14,6 @@ pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.world
 
 
-def test_motion_is_followed_to_its_end(ur_robot):
-    with device_of(ur_robot.host) as device:
-        swing(device, seconds=1.2)
-        streaming(device)
-        until(lambda: is_holding(device), "the end")
-        assert device.snapshot().fault is Fault.NONE
-
-
 @pytest.mark.parametrize(
     ("order", "release", "words"),
     [
@@ -57,16 +49,6 @@ def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leav
         assert fault is Fault.DEVICE_FAULT
         assert "protective stop" in text
         recover(device)
-
-
-def test_joint_over_its_limit_is_a_protective_stop(ur_robot):
-    with device_of(ur_robot.host) as device:
-        for joint in range(1, 7):
-            ur_robot.ask(f"limit {joint} 0.02")
-        swing(device)
-        fault, text, _ = fault_of(device)
-        assert fault is Fault.DEVICE_FAULT
-        assert "protective stop" in text
 
 
 def test_reset_says_which_hand_is_needed(ur_robot):

@@ -66,20 +66,6 @@ def swaying(pose):
     return pose_at
 
 
-@pytest.mark.slow
-def test_control_and_receive_agree_on_a_move(ur_robot):
-    with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
-        q = receive.getActualQ()
-        goal = [q[0] + 0.05, *q[1:]]
-        assert control.moveJ(goal, 2.0, 10.0)
-        until(
-            lambda: max(abs(a - b) for a, b in zip(receive.getActualQ(), goal, strict=True)) < 1e-9
-        )
-        assert control.isProgramRunning()
-        assert receive.getRobotMode() == 7
-        assert receive.getSafetyMode() == 1
-
-
 def test_tool_offset_and_payload_reach_the_robot(ur_robot):
     with control_of(ur_robot.host) as control:
         assert control.setTcp([0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
@@ -137,72 +123,21 @@ def _unlocked(client):
 
 
 def test_every_servo_pose_arrives_bit_exact(ur_robot, tmp_path):
-    check_stream(ur_robot, tmp_path, seconds=1.0)
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(180)
-def test_a_minute_of_servo_poses_arrives_bit_exact(ur_robot, tmp_path):
-    check_stream(ur_robot, tmp_path, seconds=60.0)
-
-
-def check_stream(robot, tmp_path, seconds):
-    with control_of(robot.host) as control, receive_of(robot.host) as receive:
-        start = receive.getTargetTCPPose()
-        robot.ask("record on")
-        sent = stream(control, swaying(start), round(seconds * 500))
-        state = robot.wait_until(lambda s: s["setpoints"] >= len(sent))
-        robot.ask(f"record write {tmp_path / 'run'}")
-        arrived = list(read_setpoints(tmp_path / "run"))
-        assert [row.target for row in arrived] == sent
+    with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
+        ur_robot.ask("record on")
+        sent = stream(control, swaying(receive.getTargetTCPPose()), 500)
+        ur_robot.wait_until(lambda s: s["setpoints"] >= len(sent))
+        ur_robot.ask(f"record write {tmp_path / 'run'}")
+        assert [row.target for row in read_setpoints(tmp_path / "run")] == sent
         assert control.servoStop()
         moved = [row.actual_pose[2] for row in read_arm(tmp_path / "run")]
         assert max(moved) - min(moved) > 0.005
-        print(f"{len(sent)} poses, {state['overwritten']} overwritten, {state['stalls']} stalls")
-
-
-@pytest.mark.slow
-def test_protective_stop_is_seen_and_recovered_from(ur_robot):
-    with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
-        ur_robot.ask("protective_stop")
-        until(receive.isProtectiveStopped)
-        here = receive.getActualTCPPose()
-        until(lambda: not control.servoL(here, 0.0, 0.0, 0.002, 0.1, 300.0))
-        client = dashboard_client.DashboardClient(ur_robot.host)
-        client.connect()
-        with connected(client):
-            until(lambda: _unlocked(client))
-        assert control.reuploadScript()
-        until(control.isProgramRunning)
-        stream(control, swaying(receive.getTargetTCPPose()), 50)
-
-
-@pytest.mark.slow
-def test_watchdog_of_the_client_ends_the_program(ur_robot):
-    with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
-        assert control.setWatchdog(20.0)
-        stream(control, swaying(receive.getTargetTCPPose()), 50)
-        ur_robot.wait_until(lambda s: s["runtime_state"] == "STOPPED")
-
-
-def test_second_control_client_finds_the_registers_taken(ur_robot):
-    with control_of(ur_robot.host), pytest.raises(RuntimeError, match="in use"):
-        rtde_control.RTDEControlInterface(ur_robot.host)
 
 
 def test_local_control_refuses_the_control_client(ur_robot):
     ur_robot.ask("local")
     with pytest.raises(RuntimeError, match="remote"):
         rtde_control.RTDEControlInterface(ur_robot.host)
-
-
-@pytest.mark.slow
-def test_two_robots_do_not_touch_each_other(ur_robot):
-    other_host = ur_robot.host.rsplit(".", 1)[0] + ".254"
-    with EmulatedRobot(other_host) as other, control_of(other_host) as control:
-        ur_robot.ask("emergency_stop")
-        assert control.isProgramRunning()
-        assert other.state()["safety_mode"] == "NORMAL"
 
 
 def test_taken_address_is_refused_with_a_reason(ur_robot):

@@ -114,16 +114,10 @@ def test_another_arm_than_the_named_one_is_refused_in_words(ur_host):
     with EmulatedRobot(ur_host, "--model", "ur10e"):
         with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur3"):
             driver_of(ur_host, model="ur3").mechanism(may_ask=True)
+        with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"):
+            driver_of(ur_host, model="ur5e").open()
         blind = driver_of(ur_host, model="ur3", check_joints=False)
         assert blind.mechanism(may_ask=True) is None
-
-
-def test_model_is_looked_at_before_anything_is_connected(ur_host):
-    with (
-        EmulatedRobot(ur_host, "--model", "ur10e"),
-        pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"),
-    ):
-        driver_of(ur_host, model="ur5e").open()
 
 
 def test_cb3_is_driven_at_its_own_rate_without_remote_control(ur_host):

@@ -117,18 +117,6 @@ def test_random_stops_pushes_and_buttons_never_move_the_arm(ur_host):
     print(f"{CASES} cases, moved by {most:.2e} rad at most")
 
 
-def test_fault_of_the_daemon_ends_the_program_too(ur_robot):
-    with stream_of(ur_robot.host) as stream:
-        stream.run(0.4, rate=0.5)
-        stream.run(0.4)
-        stream.is_faulty = True  # at rest after a stop on the path
-        stream.driver.rest_in_fault()
-        stream.run(0.2)
-        assert ur_robot.state()["runtime_state"] == "STOPPED"
-        assert "watchdog" not in " ".join(ur_robot.state()["log"])
-        assert not stream.driver.notices()
-
-
 def test_controller_that_stands_still_is_sent_nothing_after_the_timeout(ur_robot):
     """Setpoints that pile up would reach the arm as one jump when the controller goes on."""
     with stream_of(ur_robot.host, feedback_timeout=0.1, link_timeout=2.0) as stream:
@@ -181,9 +169,3 @@ def test_robot_without_a_dashboard_has_its_program_ended_when_it_is_played(ur_ho
         assert moved(robot, stands) < 0.02
         assert robot.state()["runtime_state"] == "STOPPED"
         assert "was played on the robot during the fault" in stream.driver.notices()[-1]
-
-
-def test_arm_that_a_program_holds_is_not_pushed(ur_robot):
-    words = "the arm does not give way"
-    with stream_of(ur_robot.host), pytest.raises(LaunchError, match=words):
-        ur_robot.ask("push 0 0 0 0 0 0")

@@ -74,12 +74,16 @@ def test_connection_that_the_controller_closes_is_said_to_be_closed(peer):
 
 
 def test_lines_of_a_dashboard_are_answered_one_by_one(peer):
-    host, heard = peer(DASHBOARD_PORT, b"Connected\n", b"first\nsecond\n", b"TRUE\n", b"False\n")
+    host, heard = peer(
+        DASHBOARD_PORT, b"Connected\n", b"first\nsecond\n", b"TRUE\n", b"False\n",
+        b"could not understand: is in remote control\n",
+    )  # fmt: skip
     with Dashboard(host, timeout=1.0) as dashboard:
         assert dashboard.ask("one") == "first"
         assert dashboard.ask("two") == "second"
         assert dashboard.is_remote is True
         assert dashboard.is_remote is False
+        assert dashboard.is_remote is None
     assert heard[:2] == [b"one\n", b"two\n"]
 
 
@@ -115,6 +119,17 @@ def test_values_come_by_the_types_that_the_controller_says(peer):
         client.sock.sendall(b"more")
         assert client.sample() == {"a": (0.5,), "b": (1, 2, 3, 4, 5, 6), "c": (-7,), "d": (8,)}
     assert heard[0] == package("O", struct.pack(">d", 125.0) + b"a,b,c,d")
+
+
+def test_answers_of_another_length_are_no_answers(peer):
+    client, _ = rtde(
+        peer, package("O", b"\1VECTOR6D"), package("S", b"\1") + package("U", b"\1" + bytes(8))
+    )
+    with client:
+        client.subscribe(125.0, ["a"])
+        words = "does not answer what was asked: a data package is 49 bytes, got 9"
+        with pytest.raises(LinkError, match=words):
+            client.sample()
 
 
 def test_optional_variable_may_be_unknown_and_others_are_named(peer):
