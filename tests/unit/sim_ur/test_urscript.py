@@ -207,6 +207,10 @@ def test_program_that_does_not_compile_says_where(robot, text, line, why):
         ("x = [1][2]", "index 2 is outside a list of 1 elements"),
         ("x = read_input_integer_register(99)", "number 99 is outside 0 to 47"),
         ("movel(p[5, 0, 0, 0, 0, 0])", "no solution"),
+        ("x = get_inverse_kin(p[3, 0, 0, 0, 0, 0])", "no solution"),
+        ("servoj([0, 0, 0, 0, 0, 0], lookahead_time=0)", "lookahead"),
+        ("servoj([0, 0, 0, 0, 0, 0], gain=-1e5)", "gain"),
+        ("movej([1e308, 0, 0, 0, 0, 0])", "expected 6 numbers"),
         ("movej([0, 0])", "expected 6 numbers"),
         ("direct_torque([0, 0, 0, 0, 0, 0])", "direct_torque is not emulated"),
         ("x = acos(2)", "math domain error"),
@@ -347,12 +351,24 @@ def test_nonsense_is_refused_whatever_it_is():
             compile_script(text, {})
 
 
-def test_numbers_that_are_none_reach_no_joint(robot):
-    robot.write_package(["input_double_register_0"], [math.nan])
-    before = robot.arm.target_q
-    run(robot, "x = read_input_float_register(0)\nmovej([x, x, x, x, x, x])", 10)
-    assert robot.arm.target_q == before
-    assert "expected 6 numbers for a robot" in robot.log[-1]
+@pytest.mark.parametrize("number", [math.nan, math.inf, 1e308])
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "movej([x, x, x, x, x, x])",
+        "servoj(get_inverse_kin(p[x, x, x, x, x, x]), t=0.1)",
+        "servoj(get_target_joint_positions(), t=x, lookahead_time=x, gain=x)",
+        "speedl([x, x, x, x, x, x], x)",
+        "stopl(x)",
+        "force_mode(p[x,x,x,x,x,x], [x,x,x,x,x,x], [x,x,x,x,x,x], 2, [x,x,x,x,x,x])",
+        'rtde_set_watchdog("input_int_register_0", x)',
+    ],
+)
+def test_numbers_that_are_none_reach_no_joint(robot, statement, number):
+    robot.write_package(["input_double_register_0"], [number])
+    before = robot.arm.actual_q
+    run(robot, f"x = read_input_float_register(0)\n{statement}\nsync()", 10)
+    assert robot.arm.actual_q == pytest.approx(before)
 
 
 @pytest.mark.parametrize(
