@@ -1,17 +1,30 @@
 """Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
 
 import pytest
-from ur_rig import device_of, fault_of, is_holding, press, recover, streaming, swing, until
+from ur_rig import (
+    device_of,
+    fault_of,
+    is_holding,
+    launched,
+    press,
+    recover,
+    streaming,
+    swing,
+    until,
+)
 
 from emulated_ur import EmulatedRobot
 from orientd.config import DeviceSettings
-from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
 from orientd_ur.wire import RtdeClient
 
 pytest.importorskip("rtde_control")
 
 pytestmark = pytest.mark.world
+
+
+def settings_of(robot):
+    return DeviceSettings(name="arm", driver="ur", options={"host": robot.host})
 
 
 @pytest.mark.parametrize(
@@ -84,17 +97,11 @@ def test_local_control_is_named_when_enabling(ur_robot):
 
 def test_motion_of_an_arm_that_could_not_be_enabled_is_refused_with_the_reason(ur_robot):
     ur_robot.ask("local")
-    settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
-    device = Device(settings, planners=None, on_event=lambda _event: None)
-    device.launch()
-    try:
+    words = r"is idle, not holding: .*local control.*; then reset"
+    with launched(settings_of(ur_robot)) as device:
         assert device.wait_ready(20.0), device.failure
-        with pytest.raises(
-            StateError, match=r"is idle, not holding: .*local control.*; then reset"
-        ):
+        with pytest.raises(StateError, match=words):
             device.commanded()
-    finally:
-        device.shutdown()
 
 
 def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
@@ -177,17 +184,12 @@ def test_second_client_with_the_registers_is_named(ur_robot):
     rtde_control = pytest.importorskip("rtde_control")
     other = rtde_control.RTDEControlInterface(ur_robot.host)
     try:
-        settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
-        device = Device(settings, planners=None, on_event=lambda _event: None)
-        device.launch()
-        try:
+        with launched(settings_of(ur_robot)) as device:
             assert device.wait_ready(20.0), device.failure
             fault, text, _ = fault_of(device, 5.0)
             assert fault is Fault.DEVICE_FAULT
             assert "another client holds the lower registers" in text
             assert "set the option `registers` to upper" in text
-        finally:
-            device.shutdown()
         assert other.isProgramRunning()
     finally:
         other.disconnect()
@@ -206,14 +208,9 @@ def test_upper_registers_work_beside_a_client_with_the_lower_ones(ur_robot):
 
 def test_silent_controller_is_named_when_opening(ur_robot):
     ur_robot.ask("silence")
-    settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
-    device = Device(settings, planners=None, on_event=lambda _event: None)
-    device.launch()
-    try:
+    with launched(settings_of(ur_robot)) as device:
         assert not device.wait_ready(20.0)
         assert "did not send data packages" in device.failure
-    finally:
-        device.shutdown()
 
 
 def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):

@@ -36,22 +36,6 @@ def followed(device, at, seconds, *, position=None):
     return refused
 
 
-def turning(q, axis, rate, most):
-    def at(t):
-        turn = min(rate * t, most)
-        return multiply(q, exp(tuple(turn * x for x in axis)))
-
-    return at
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_a_tilt_into_the_wrist_singularity_is_held_before_it(ur_robot, way):
-    with device_of(ur_robot.host) as device:
-        q = multiply(device.snapshot().cycle.q, exp((0.02, 0.0, 0.0)))
-        followed(device, turning(q, (0.0, way, 0.0), 0.6, 1.7), 4.0)
-        assert ur_robot.state()["safety_mode"] == "NORMAL"
-
-
 def test_targets_beyond_the_end_of_a_joint_are_refused_and_the_arm_stops_before_it(ur_robot):
     with device_of(ur_robot.host) as device:
         q = device.snapshot().cycle.q

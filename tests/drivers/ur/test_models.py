@@ -2,18 +2,16 @@
 
 import math
 import random
-import time
 
 import numpy as np
 import pytest
-from ur_rig import device_of, until
+from ur_rig import device_of, driver_of, stream_of, until
 
 from emulated_ur import MODELS, EmulatedRobot
 from emulated_ur.arm.kinematics import Kinematics
 from emulated_ur.arm.transforms import from_pose, inverse
 from emulated_ur.arm.transforms import multiply as times
 from orientd.clock import MonotonicClock
-from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
 from orientd.mechanism.routing import route
@@ -25,8 +23,10 @@ from orientd_ur.probe import whereabouts
 STEP = 0.008
 
 
-def driver_of(host, **options):
-    return UrDriver({"host": host, **options}, period_ns=8_000_000, clock=MonotonicClock())
+def unopened(host, *, rate_hz=125, **options):
+    return UrDriver(
+        {"host": host, **options}, period_ns=round(1e9 / rate_hz), clock=MonotonicClock()
+    )
 
 
 def random_turn(generator, pose):
@@ -63,7 +63,7 @@ def follows(model, joints, tcp_offset, times_s, path):
 
 def decisions(robot, model, count):
     """For each of some random turns whether the driver takes it, and how hard it is."""
-    driver, place = driver_of(robot.host), whereabouts(robot.host)
+    driver, place = unopened(robot.host), whereabouts(robot.host)
     for number in range(count):
         times_s, path = random_turn(random.Random(number), place.pose)
         turn, offset = place.tool
@@ -113,37 +113,28 @@ def test_controller_is_asked_for_its_arm_and_its_limits(ur_host):
 def test_another_arm_than_the_named_one_is_refused_in_words(ur_host):
     with EmulatedRobot(ur_host, "--model", "ur10e"):
         with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur3"):
-            driver_of(ur_host, model="ur3").mechanism(may_ask=True)
+            unopened(ur_host, model="ur3").mechanism(may_ask=True)
         with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"):
-            driver_of(ur_host, model="ur5e").open()
-        blind = driver_of(ur_host, model="ur3", check_joints=False)
+            unopened(ur_host, model="ur5e").open()
+        blind = unopened(ur_host, model="ur3", check_joints=False)
         assert blind.mechanism(may_ask=True) is None
 
 
 def test_cb3_is_driven_at_its_own_rate_without_remote_control(ur_host):
     with EmulatedRobot(ur_host, "--model", "ur10") as robot:
-        fast = UrDriver({"host": ur_host}, period_ns=2_000_000, clock=MonotonicClock())
         with pytest.raises(LinkError, match=r"every 8 ms: `rate_hz` must be 125 at the most"):
-            fast.open()
-        driver = driver_of(ur_host, model="ur10")
-        try:
-            driver.open()
-            start = driver.enable()
-            x, y, z = start.position
-            for step in range(30):
-                driver.read()
-                driver.write(Setpoint(0, start.q, position=(x, y, z - 1e-5 * step)))
-                time.sleep(0.008)
+            unopened(ur_host, rate_hz=500).open()
+        with stream_of(ur_host, model="ur10", rate_hz=125) as stream:
+            _, _, z = stream.position
+            for _ in range(30):
+                stream.send(shift=(0.0, 0.0, -1e-5))
+                stream.step()
             robot.wait_until(lambda state: state["actual_pose"][2] < z - 1e-4)
-        finally:
-            driver.close()
 
 
 def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host):
     with EmulatedRobot(ur_host, "--polyscope", "10.10.0") as robot:
-        driver = driver_of(ur_host)
-        try:
-            driver.open()
+        with driver_of(ur_host) as driver:
             (notice,) = driver.notices()
             assert "PolyScope X has no dashboard server: unlock protective stops" in notice
             driver.enable()
@@ -152,8 +143,6 @@ def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host):
             until(lambda: driver._link.modes()[1] == 3, "the stop")
             with pytest.raises(DeviceFaultError, match="protective stop: look for its cause"):
                 driver.reset()
-        finally:
-            driver.close()
         (row,) = (one for one in driver.diagnose() if one.name == "remote control")
         assert "on the pendant" in row.mend
 

@@ -5,7 +5,7 @@ import signal
 import time
 
 import pytest
-from ur_rig import device_of, fault_of, streaming, swing
+from ur_rig import device_of, driver_of, fault_of, streaming, swing
 
 from emulated_ur import EmulatedRobot
 from orientd.clock import MonotonicClock
@@ -21,14 +21,14 @@ pytestmark = pytest.mark.world
 TOOL = [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]
 
 
-def driver_of(host, *, rate_hz=500, **options):
+def unopened(host, *, rate_hz=500, **options):
     return UrDriver(
         {"host": host, **options}, period_ns=round(1e9 / rate_hz), clock=MonotonicClock()
     )
 
 
 def rows_of(host, **options):
-    return {one.name: one for one in driver_of(host, **options).diagnose()}
+    return {one.name: one for one in unopened(host, **options).diagnose()}
 
 
 @pytest.mark.parametrize("version", ["5.4.3", "5.5.0"])
@@ -39,20 +39,16 @@ def test_tool_of_a_robot_that_does_not_say_it_is_seen(ur_host, version, options)
         assert rows["version"].verdict is Verdict.OK
         assert rows["remote control"].verdict is Verdict.OK
         assert rows["arm"].verdict is Verdict.OK
-        driver = driver_of(ur_host, **options)
-        try:
-            driver.open()
+        with driver_of(ur_host, **options) as driver:
             start = driver.enable()
             assert not driver.notices()
             # As the planner asks, on a driver that is not open.
-            arm = driver_of(ur_host, **options).mechanism(may_ask=True)
+            arm = unopened(ur_host, **options).mechanism(may_ask=True)
             q, position = arm.forward(start.joints)
             assert position == pytest.approx(start.position, abs=1e-6)
             assert norm(difference(q, start.q)) < 1e-6
             begin = driver.offline_start(from_device=True)
             assert begin.position == pytest.approx(start.position, abs=1e-6)
-        finally:
-            driver.close()
 
 
 @pytest.mark.parametrize(
@@ -68,7 +64,7 @@ def test_robot_that_is_too_old_is_refused_with_the_version_it_needs(
         assert found.verdict is Verdict.PROBLEM
         assert words in found.mend
         with pytest.raises(LinkError, match=words):
-            driver_of(ur_host, rate_hz=125).open()
+            unopened(ur_host, rate_hz=125).open()
 
 
 def test_rate_that_a_robot_does_not_take_is_found_before_it_runs(ur_host):
@@ -77,7 +73,7 @@ def test_rate_that_a_robot_does_not_take_is_found_before_it_runs(ur_host):
         assert found.verdict is Verdict.PROBLEM
         assert "`rate_hz` must be 125 at the most" in found.mend
         with pytest.raises(LinkError, match="`rate_hz` must be 125 at the most"):
-            driver_of(ur_host).open()
+            unopened(ur_host).open()
         rows = rows_of(ur_host, rate_hz=125)
         assert rows["rate"].verdict is Verdict.OK
         assert rows["remote control"].verdict is Verdict.OK
@@ -87,14 +83,10 @@ def test_rate_that_a_robot_does_not_take_is_found_before_it_runs(ur_host):
 def test_polyscope_x_in_local_control_is_told_what_it_needs(ur_host):
     with EmulatedRobot(ur_host, "--polyscope", "10.11") as robot:
         robot.ask("local")
-        driver = driver_of(ur_host)
-        try:
-            driver.open()
+        with driver_of(ur_host) as driver:
             with pytest.raises(DeviceFaultError, match=r"remote control only .*URCapX") as error:
                 driver.enable()
             assert "before timeout" not in str(error.value)
-        finally:
-            driver.close()
         assert "as it must be, is not known" in rows_of(ur_host)["remote control"].mend
 
 

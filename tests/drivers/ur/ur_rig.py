@@ -59,12 +59,18 @@ def device_of(host, *, compensate_latency=False, on_event=lambda _event: None, *
         },
         **(PATIENT if is_patient else {}),
     )
-    planners = DirectPlanners([settings])
+    with launched(settings, DirectPlanners([settings]), on_event) as device:
+        assert device.wait_ready(20.0), device.failure
+        until(lambda: device.snapshot().state is ServoState.HOLDING, "holding")
+        yield device
+
+
+@contextmanager
+def launched(settings, planners=None, on_event=lambda _event: None):
+    """A device with its servo process, whatever becomes of it."""
     device = Device(settings, planners=planners, on_event=on_event)
     device.launch()
     try:
-        assert device.wait_ready(20.0), device.failure
-        until(lambda: device.snapshot().state is ServoState.HOLDING, "holding")
         yield device
     finally:
         device.shutdown()

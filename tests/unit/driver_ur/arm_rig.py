@@ -3,27 +3,21 @@
 from dataclasses import replace
 
 import numpy as np
+from rig import PERIOD, RecordingLoopback, Rig
 
-from orientd.clock import ManualClock
-from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.servo import Servo
-from orientd.servo.watchdog import WatchdogTimeouts
-from orientd.stream.memory import SharedMemory
-from orientd.stream.records import (
-    NOT_GIVEN,
-    Command,
-    NoteKind,
-    ServoLimits,
-    ServoState,
-    unpack_note,
-)
-from orientd_loopback import LoopbackDriver
+from orientd.stream.records import NOT_GIVEN, Command, NoteKind, ServoLimits, ServoState
 from orientd_ur.arm import MODELS
 from orientd_ur.pose import pose_of
 
-PERIOD_NS = 2_000_000
-PERIOD = PERIOD_NS * 1e-9
 TOOL = (0.02, -0.01, 0.12, 0.1, -0.2, 0.3)
+LIMITS = {
+    "velocity": 1.5,
+    "acceleration": 8.0,
+    "jerk": 400.0,
+    "linear_velocity": 0.5,
+    "linear_acceleration": 2.0,
+    "brake_rate": 4.0,
+}
 
 
 def joints_of(arm, poses, near):
@@ -36,13 +30,8 @@ def joints_of(arm, poses, near):
     return np.array(found)
 
 
-class ArmLoopback(LoopbackDriver):
+class ArmLoopback(RecordingLoopback):
     """A loopback device that is where it was sent, and has the joints of an arm."""
-
-    def begin(self, arm, joints):
-        self.arm = arm
-        self.joints = joints
-        self.setpoints = []
 
     def enable(self):
         return super().enable()._replace(joints=self.joints)
@@ -56,7 +45,6 @@ class ArmLoopback(LoopbackDriver):
 
     def write(self, setpoint):
         super().write(setpoint)
-        self.setpoints.append(setpoint)
         self.joints = self.arm.nearest(setpoint.q, setpoint.position, self.joints) or self.joints
 
 
@@ -67,66 +55,36 @@ class CarelessArm(ArmLoopback):
         return None
 
 
-class ArmRig:
+class ArmRig(Rig):
     """A servo that follows targets with an arm, and what was sent."""
 
-    def __init__(
-        self,
-        model,
-        joints,
-        *,
-        foresees=True,
-        velocity=1.5,
-        acceleration=8.0,
-        jerk=400.0,
-        linear_velocity=0.5,
-        linear_acceleration=2.0,
-        cones=(),
-    ):
+    def __init__(self, model, joints, *, foresees=True, cones=(), **limits):
         self.arm, self.start = replace(MODELS[model].arm(), tool=pose_of(TOOL)), joints
         self.q, self.position = self.arm.forward(joints)
-        self.limits = ServoLimits(
-            velocity, acceleration, jerk, linear_velocity, linear_acceleration, 4.0
-        )
-        self.clock = ManualClock(10**9)
-        self.memory = SharedMemory.create(4096, 4096)
+        self.limits = ServoLimits(**{**LIMITS, **limits})
+        self.hindrances = set()
         options = {
             "orientation": dict(zip("wxyz", self.q, strict=True)),
             "position": list(self.position),
         }
-        kind = ArmLoopback if foresees else CarelessArm
-        self.driver = kind(options, period_ns=PERIOD_NS, clock=self.clock)
-        self.driver.begin(self.arm, joints)
+        super().__init__(options, kind=ArmLoopback if foresees else CarelessArm, cones=cones)
+        self.driver.arm, self.driver.joints = self.arm, joints
         self.setpoints = self.driver.setpoints
-        self.driver.open()
-        self.servo = Servo(
-            self.driver,
-            self.memory,
-            period_ns=PERIOD_NS,
-            watch=WatchdogTimeouts(5 * 10**8, 10**8, 5 * 10**8),
-            clock=self.clock,
-            parent_is_alive=lambda: True,
-            cones=KeepOutCones(cones, PERIOD_NS * 1e-9) if cones else None,
-        )
-        self.hindrances = set()
         for command in (Command.ENABLE, Command.TRACK):
-            self.memory.commands.publish(command, 1, 0, -1, -1, -1, 1.0, *self.limits.floats())
-            self.run()
+            self.ask(command, servo_limits=self.limits)
         assert self.servo.state is ServoState.TRACKING
 
-    def run(self):
-        """Let a cycle pass."""
-        self.clock.advance(PERIOD_NS)
-        self.memory.beat(self.clock.now_ns())
-        self.servo.cycle(self.clock.now_ns(), 0)
-        if self.servo.setpoints.pursuit.hindrance:
-            self.hindrances.add(self.servo.setpoints.pursuit.hindrance)
+    def run(self, cycles=1):
+        """Let cycles pass."""
+        for _ in range(cycles):
+            super().run()
+            if self.servo.setpoints.pursuit.hindrance:
+                self.hindrances.add(self.servo.setpoints.pursuit.hindrance)
+        return self.cycle
 
     def notices(self):
         """Return what the servo has said of the device."""
-        ring = self.memory.notes
-        notes = [unpack_note(ring.read_bytes(k)) for k in range(ring.head)]
-        return [note.text for note in notes if note.kind is NoteKind.NOTICE]
+        return [note.text for note in self.notes(NoteKind.NOTICE)]
 
     def follow(self, at, seconds, *, hz=50, position=None):
         """Stream targets: orientations *at* a time, and positions."""
@@ -142,11 +100,8 @@ class ArmRig:
 
     def check(self):
         """Stop, and look at all that was sent; return the joints of it, rad."""
-        self.memory.commands.publish(Command.STOP, 1, 0, -1, -1, -1, 1.0, *self.limits.floats())
-        for _ in range(5000):
-            self.run()
-            if not self.servo.is_moving:
-                break
+        self.ask(Command.STOP, servo_limits=self.limits)
+        self.run_until(lambda servo: not servo.is_moving)
         assert self.servo.state is ServoState.HOLDING, self.servo.setpoints.fault_text
         poses = [(s.q, s.position) for s in self.setpoints]
         joints = joints_of(self.arm, poses, self.start)

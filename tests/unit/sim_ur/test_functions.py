@@ -182,23 +182,6 @@ def test_a_speed_is_kept_for_as_many_cycles_as_its_time_has(robot):
     assert len(rates) == 11  # the last one said that the ten are over
 
 
-def test_a_speed_without_a_time_ends_once_it_is_reached(robot):
-    run(robot, "  speedl([0, 0, -0.05, 0, 0, 0], 0.25)\n  textmsg(1)\n  sleep(1)", 95)
-    assert not robot.told  # 0.2 s, 100 cycles
-    tick(robot, 15)
-    assert robot.told
-    assert robot.value("target_TCP_speed")[2] == pytest.approx(-0.05, abs=1e-4)
-
-
-def test_moves_last_as_long_as_they_are_told(robot):
-    goal = [angle + 0.1 for angle in HOME]
-    run(robot, f"  movej({goal}, t=0.5)\n  textmsg(1)\n  sleep(9)", 245)
-    assert not robot.told
-    tick(robot, 20)
-    assert robot.told
-    assert robot.arm.target_q == pytest.approx(goal)
-
-
 def test_a_move_has_the_speed_and_acceleration_asked_for(robot):
     goal = [HOME[0] + 0.5, *HOME[1:]]
     run(robot, f"  movej({goal}, a=2.0, v=0.4)", 2)
