@@ -93,9 +93,9 @@ def test_arm_is_enabled_once_it_stands(ur_robot):
 
 def test_feedback_is_measured_and_its_angular_velocity_is_the_tools(ur_robot):
     with stream_of(ur_robot.host) as stream:
-        stream.run(0.6, rate=0.5)
-        feedback = stream.step((0.0, 0.0, 0.001))
-        assert norm(feedback.omega_body) > 0.1
+        for _ in range(300):
+            feedback = stream.step((0.0, 0.0, 0.001))
+        assert norm(feedback.omega_body) > 0.01
         assert feedback.omega_body == pytest.approx((0.0, 0.0, norm(feedback.omega_body)), abs=1e-6)
         q, position = stream.driver.mechanism(may_ask=False).forward(feedback.joints)
         assert norm(difference(feedback.q, q)) < 1e-6
@@ -132,13 +132,13 @@ def test_rotation_vectors_go_on_beyond_half_a_turn(ur_robot, tmp_path):
     with stream_of(ur_robot.host) as stream:
         begin = np.array(ur_robot.state()["actual_pose"][3:])
         ur_robot.ask("record on")
-        for rate in (0.5, -0.5):
-            for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
-                stream.run(0.4, rate, axis)
-                stream.run(0.4, -rate, axis)
+        for x, y in ((0.002, 0.0), (-0.002, 0.0), (0.0, 0.002), (0.0, -0.002)):
+            for way in (1.0, -1.0):
+                for _ in range(100):
+                    stream.step((way * x, way * y, 0.0))
         ur_robot.ask(f"record write {tmp_path / 'run'}")
     rows = np.array([row.target[3:] for row in read_setpoints(tmp_path / "run")])
-    assert len(rows) > 400
+    assert len(rows) == 800
     assert rows[0] == pytest.approx(begin, abs=0.01)
     assert np.max(np.linalg.norm(np.diff(rows, axis=0), axis=1)) < 0.01
     lengths = np.linalg.norm(rows, axis=1)

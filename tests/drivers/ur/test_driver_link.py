@@ -59,11 +59,6 @@ def test_look_changes_nothing(ur_robot):
     assert after["log"] == before["log"] == []
 
 
-def test_look_names_a_controller_that_is_not_there(ur_host):
-    with pytest.raises(LinkError, match="no dashboard server"):
-        look(ur_host)
-
-
 @pytest.mark.real
 def test_library_loses_no_delay_and_it_is_restored(ur_robot):
     client = rtde_control.RTDEControlInterface(ur_robot.host)

@@ -26,63 +26,41 @@ def angle_between(p, q):
 
 
 def check_motion(robot, tmp_path, *, seconds, count):
-    """Stream a motion; compare what arrived with the plan, and return what was measured."""
+    """Stream a motion; compare what arrived with the plan."""
     with device_of(robot.host) as device:
         motion = swing_motion(device, seconds=seconds, count=count)
-        before = robot.state()
+        before = robot.state()["setpoints"]
         robot.ask("record on")
         # The motion's first record is where the device holds: one of those must be recorded.
-        robot.wait_until(lambda s: s["setpoints"] > before["setpoints"] + 5)
-        begun = run(device, motion)
+        robot.wait_until(lambda s: s["setpoints"] > before + 5)
+        run(device, motion)
         streaming(device)
         until(lambda: is_holding(device), "the end", motion.facts.duration + 10.0)
         # Whatever was on its way then has come before fifty more have.
         held = robot.state()["setpoints"]
-        after = robot.wait_until(lambda s: s["setpoints"] > held + 50)
+        robot.wait_until(lambda s: s["setpoints"] > held + 50)
         robot.ask("record off")
         robot.ask(f"record write {tmp_path / 'run'}")
-        last = device.snapshot().cycle.index
-        woken = [c.deadline_ns + c.lateness_ns for c in device.cycles(last - 3000, 2500)]
-        statistics = begun.statistics
         assert device.snapshot().fault is Fault.NONE
-    rows = list(read_setpoints(tmp_path / "run"))
-    arrived = orientations([row.target for row in rows])
-    times = np.array([row.time_ns for row in rows])
-    woken = np.array([w for w in woken if times[0] < w < times[-1]])
-    to_wire = (times[np.searchsorted(times, woken)] - woken) * 1e-3
-    count = motion.facts.record_count
-    planned = rows_of(motion.read(0, count))[:, :4]
+    arrived = orientations([row.target for row in read_setpoints(tmp_path / "run")])
+    planned = rows_of(motion.read(0, motion.facts.record_count))[:, :4]
     # Setpoints of the hold come before the motion and after it.
-    lags = range(len(arrived) - count + 1)
-    some = np.arange(0, count, 50)
+    some = np.arange(0, len(planned), 50)
+    lags = range(len(arrived) - len(planned) + 1)
     lag = min(lags, key=lambda k: angle_between(arrived[k + some], planned[some]).max())
-    matched = arrived[lag : lag + count]
-    worst = float(angle_between(matched, planned).max())
+    assert angle_between(arrived[lag : lag + len(planned)], planned).max() < 1e-9
     arm = orientations([row.actual_pose for row in read_arm(tmp_path / "run")])
-    return {
-        "setpoints": count,
-        "worst_rad": worst,
-        "overwritten": after["overwritten"] - before["overwritten"],
-        "stalls": after["stalls"] - before["stalls"],
-        "moved_rad": float(angle_between(arm[:1], arm).max()),
-        "wake_to_robot_us": [round(float(np.percentile(to_wire, p))) for p in (50, 99)],
-        "statistics": statistics,
-    }
+    assert angle_between(arm[:1], arm).max() == pytest.approx(0.3, abs=0.01)
 
 
 def test_every_setpoint_of_a_motion_arrives_as_planned(ur_robot, tmp_path):
-    found = check_motion(ur_robot, tmp_path, seconds=1.6, count=1)
-    assert found["worst_rad"] < 1e-9
-    assert found["moved_rad"] == pytest.approx(0.3, abs=0.01)
+    check_motion(ur_robot, tmp_path, seconds=1.6, count=1)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
 def test_a_minute_of_setpoints_arrives_as_planned(ur_robot, tmp_path):
-    found = check_motion(ur_robot, tmp_path, seconds=3.0, count=20)
-    print(found)
-    assert found["worst_rad"] < 1e-9
-    assert found["setpoints"] >= 30_000
+    check_motion(ur_robot, tmp_path, seconds=3.0, count=20)
 
 
 def phases_at(robot, tmp_path, **options):

@@ -29,21 +29,7 @@ def test_version_that_is_too_old_is_said_with_the_one_that_is_needed(version, wo
     assert found.startswith(words) if words else not found
 
 
-@pytest.mark.parametrize(
-    ("feature", "before", "first"),
-    [
-        ("the client library", (3, 3, 9, 0), (3, 4, 0, 0)),
-        ("is in remote control", (5, 5, 9, 0), (5, 6, 0, 0)),
-    ],
-)
-def test_feature_is_there_from_its_first_version_on(feature, before, first):
-    assert not said.has(feature, before)
-    assert said.has(feature, first)
-
-
-def test_series_without_a_feature_never_has_it():
-    assert not said.has("is in remote control", (3, 99, 0, 0))
-    assert not said.has("is in remote control", (10, 99, 0, 0))
+def test_only_polyscope_x_has_no_dashboard():
     assert not said.has("a dashboard server", (10, 11, 0, 0))
     assert all(said.has("a dashboard server", one) for one in ((3, 4, 0, 0), (5, 4, 0, 0)))
 
