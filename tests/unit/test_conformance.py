@@ -268,7 +268,7 @@ def test_waiting_counts_as_a_drivers_time():
     assert suite.seconds(time.sleep, 0.02) > 0.019
 
 
-# Bad drivers; the name of each says what is wrong with it.
+# Bad drivers, each with the tests that it fails.
 
 READS = "test_reads_and_writes_do_not_wait"
 HEALTH = "test_it_says_how_its_parts_are"
@@ -286,8 +286,105 @@ RESTS = "test_it_rests_in_a_fault_whatever_it_is_sent"
 FOLLOWS = "test_it_follows_a_slow_turn"
 ASKED = "test_what_it_is_asked_in_a_cycle_never_raises"
 FREES = "test_it_can_be_let_go_and_enabled_again"
+TUNES = "test_an_unknown_option_of_a_motion_is_refused"
+ARRIVES = "test_its_axes_arrive"
+SCALES = "test_its_speed_scaling_is_a_share"
+EXPLAINS = "test_it_explains_itself_in_words"
+BEGINS = "test_it_says_where_an_offline_plan_begins"
+NAMED = "test_its_class_has_a_name_and_a_rate"
 POSES = "test_its_mechanism_poses_the_tool_as_it_reports"
-BAD = []
+
+
+def waiting(name, periods):
+    """Return a method that takes so many periods, and then does what it should."""
+
+    def method(driver, *arguments, **fields):
+        driver.clock.advance(round(periods * PERIOD_NS))
+        return getattr(GoodDriver, name)(driver, *arguments, **fields)
+
+    return method
+
+
+def returning(value):
+    """Return a method with this result."""
+    return lambda driver, *arguments, **fields: value
+
+
+def raising(error):
+    """Return a method that raises."""
+
+    def method(driver, *arguments, **fields):
+        raise error
+
+    return method
+
+
+def reporting(**fields):
+    """Return a method that reports these fields of the feedback wrongly."""
+    return lambda driver: GoodDriver.report(driver)._replace(**fields)
+
+
+def health(ahead_ns=0, value=12.0):
+    """Return a method that reports the health of one part."""
+    return lambda driver: [PartHealth("body", driver.clock.now_ns() + ahead_ns, value)]
+
+
+# What is wrong, the test that fails by it, and what the driver does in place of the good one.
+WRONG = {
+    "it waits in read": (READS, {"read": waiting("read", 10)}),
+    "it waits in write": (READS, {"write": waiting("write", 10)}),
+    "its read takes more than a period": (READS, {"read": waiting("read", 1.5)}),
+    "it raises in health": (HEALTH, {"health": raising(LinkError("asked in vain"))}),
+    "it waits in health": (HEALTH, {"health": waiting("health", 10)}),
+    "it waits in notices": (HEALTH, {"notices": waiting("notices", 1.5)}),
+    "its health is not a number": (HEALTH, {"health": health(value=math.nan)}),
+    "its health is from the future": (HEALTH, {"health": health(1)}),
+    "it raises in notices": (HEALTH, {"notices": raising(KeyError("notices"))}),
+    "its notices are no words": (HEALTH, {"notices": returning(5)}),
+    "a notice is no text": (HEALTH, {"notices": returning([5])}),
+    "a notice is empty": (HEALTH, {"notices": returning([""])}),
+    "it shifts by a period": (SHIFTS, {"deadline_shift_ns": returning(PERIOD_NS)}),
+    "it shifts back too far": (SHIFTS, {"deadline_shift_ns": returning(-PERIOD_NS // 2 - 1)}),
+    "its shift is no whole number": (SHIFTS, {"deadline_shift_ns": returning(0.5)}),
+    "park raises": (PARKS, {"park": raising(ZeroDivisionError())}),
+    "park takes a minute": (PARKS, {"park": waiting("park", 60.0 / PERIOD)}),
+    "its feedback is not a number": (IS_POSE, {"report": reporting(omega_body=(math.nan, 0, 0))}),
+    "its feedback lacks an axis": (IS_POSE, {"report": reporting(omega_body=(0.0, 0.0))}),
+    "its feedback has nine joints": (IS_POSE, {"report": reporting(joints=(0.0,) * 9)}),
+    "its feedback never changes": (STAMPS, {"read": reporting(time_ns=10**9)}),
+    "it takes any option of a motion": (TUNES, {"tune": returning(None)}),
+    "it moves in a fault": (RESTS, {"rest_in_fault": returning(None)}),
+    "it never arrives": (ARRIVES, {"gaps": returning([AxisGap("body", -0.02, 0.01)])}),
+    "it waits in gaps": (ARRIVES, {"gaps": waiting("gaps", 1)}),
+    "it waits for ever": (
+        ARRIVES,
+        {"gaps": returning([AxisGap("body", 0.0, 0.01, patience=math.inf)])},
+    ),
+    "it is scaled by per cent": (SCALES, {"speed_scaling": 100.0}),
+    "it runs faster than asked": (SCALES, {"speed_scaling": 1.01}),
+    "it explains nothing": (EXPLAINS, {"why_stale": returning(None)}),
+    "it explains at length": (EXPLAINS, {"why_stale": waiting("why_stale", 1)}),
+    "it knows no signal but one": (
+        EXPLAINS,
+        {"why_ended": lambda driver, signal: {9: "killed"}[signal]},
+    ),
+    "it leaves one alone with a problem": (
+        "test_it_diagnoses_a_device_that_is_well",
+        {"diagnose": returning([Finding("body", "broken", Verdict.PROBLEM)])},
+    ),
+    "it begins nowhere": (
+        BEGINS,
+        {"offline_start": returning(Feedback(0, (0.0, 0.0, 0.0, 0.0)))},
+    ),
+    "it has no name": (NAMED, {"name": ""}),
+    "it has no rate": (NAMED, {"default_rate_hz": 0.0}),
+    "it declares no time": (OFFERS, {"longest_call": 0.0}),
+    "it loads NumPy": (LOADS, {"__module__": "orientd.rotation"}),
+}
+BAD = [
+    pytest.param(type("Bad", (GoodDriver,), instead), name, id=wrong)
+    for wrong, (name, instead) in WRONG.items()
+]
 
 
 def bad(*names):
@@ -314,123 +411,16 @@ class Counting(GoodDriver):
 
 
 @bad(READS)
-class WaitsInRead(GoodDriver):
-    def read(self):
-        self.clock.advance(10 * PERIOD_NS)
-        return super().read()
-
-
-@bad(READS)
-class WaitsInWrite(GoodDriver):
-    def write(self, setpoint):
-        self.clock.advance(10 * PERIOD_NS)
-        super().write(setpoint)
-
-
-@bad(READS)
-class TakesMoreThanAPeriod(GoodDriver):
-    def read(self):
-        self.clock.advance(3 * PERIOD_NS // 2)
-        return super().read()
-
-
-@bad(READS)
 class WaitsNowAndThen(Counting):
     def read(self):
         self.clock.advance(10 * PERIOD_NS if self.every(8) else 0)
         return super().read()
 
 
-@bad(HEALTH)
-class RaisesInHealth(GoodDriver):
-    def health(self):
-        raise LinkError("asked in vain")
-
-
-@bad(HEALTH)
-class WaitsInHealth(GoodDriver):
-    def health(self):
-        self.clock.advance(10 * PERIOD_NS)
-        return super().health()
-
-
-@bad(HEALTH)
-class WaitsInNotices(GoodDriver):
-    def notices(self):
-        self.clock.advance(3 * PERIOD_NS // 2)
-        return super().notices()
-
-
-@bad(HEALTH)
-class HealthIsNaN(GoodDriver):
-    def health(self):
-        return [PartHealth("body", self.clock.now_ns(), math.nan)]
-
-
-@bad(HEALTH)
-class HealthFromTheFuture(GoodDriver):
-    def health(self):
-        return [PartHealth("body", self.clock.now_ns() + 1)]
-
-
-@bad(HEALTH)
-class RaisesInNotices(GoodDriver):
-    def notices(self):
-        raise KeyError("notices")
-
-
-@bad(HEALTH)
-class NoticesAreNoWords(GoodDriver):
-    def notices(self):
-        return 5
-
-
-@bad(HEALTH)
-class ANoticeIsNoText(GoodDriver):
-    def notices(self):
-        return [5]
-
-
-@bad(HEALTH)
-class ANoticeIsEmpty(GoodDriver):
-    def notices(self):
-        return [""]
-
-
-@bad(SHIFTS)
-class ShiftsByAPeriod(GoodDriver):
-    def deadline_shift_ns(self, deadline_ns):
-        return PERIOD_NS
-
-
-@bad(SHIFTS)
-class ShiftsBackTooFar(GoodDriver):
-    def deadline_shift_ns(self, deadline_ns):
-        return -PERIOD_NS // 2 - 1
-
-
-@bad(SHIFTS)
-class ShiftIsNoWholeNumber(GoodDriver):
-    def deadline_shift_ns(self, deadline_ns):
-        return 0.5
-
-
 @bad(OFFERS)
 class ParkIsMisspelt(lacking("park")):
     def parc(self):
         pass
-
-
-@bad(PARKS)
-class ParkRaises(GoodDriver):
-    def park(self):
-        raise ZeroDivisionError
-
-
-@bad(PARKS)
-class ParkTakesAMinute(GoodDriver):
-    def park(self):
-        self.clock.advance(60 * 10**9)
 
 
 @bad(PARKS)
@@ -467,9 +457,9 @@ class ResetMovesIt(GoodDriver):
 
 
 @bad(IS_POSE)
-class FeedbackIsNaN(GoodDriver):
+class FeedbackHasAFloatAsItsTime(GoodDriver):
     def report(self):
-        return super().report()._replace(omega_body=(math.nan, 0.0, 0.0))
+        return super().report()._replace(time_ns=float(self.clock.now_ns()))
 
 
 @bad(IS_POSE)
@@ -482,18 +472,6 @@ class FeedbackIsNoUnit(GoodDriver):
 class FeedbackIsNoFeedback(GoodDriver):
     def read(self):
         return tuple(super().read())
-
-
-@bad(IS_POSE)
-class FeedbackHasAFloatAsItsTime(GoodDriver):
-    def report(self):
-        return super().report()._replace(time_ns=float(self.clock.now_ns()))
-
-
-@bad(IS_POSE)
-class FeedbackLacksAnAxis(GoodDriver):
-    def report(self):
-        return super().report()._replace(omega_body=(0.0, 0.0))
 
 
 @bad(ASKED)
@@ -523,12 +501,6 @@ class KnowsNoGapsAfterAMotion(GoodDriver):
 
 
 @bad(IS_POSE)
-class FeedbackHasNineJoints(GoodDriver):
-    def report(self):
-        return super().report()._replace(joints=(0.0,) * 9)
-
-
-@bad(IS_POSE)
 class CannotBeReadBeforeItIsEnabled(GoodDriver):
     def read(self):
         if not self.is_enabled:
@@ -540,12 +512,6 @@ class CannotBeReadBeforeItIsEnabled(GoodDriver):
 class FeedbackFromTheFuture(GoodDriver):
     def report(self):
         return super().report()._replace(time_ns=self.clock.now_ns() + 1)
-
-
-@bad(STAMPS)
-class FeedbackNeverChanges(GoodDriver):
-    def read(self):
-        return super().read()._replace(time_ns=10**9)
 
 
 @bad(STAMPS)
@@ -648,18 +614,6 @@ class TakesAnyOption(GoodDriver):
         super().__init__(known, period_ns=period_ns, clock=clock)
 
 
-@bad("test_an_unknown_option_of_a_motion_is_refused")
-class TakesAnyOptionOfAMotion(GoodDriver):
-    def tune(self, options):
-        pass
-
-
-@bad(RESTS)
-class MovesInAFault(GoodDriver):
-    def rest_in_fault(self):
-        pass
-
-
 @bad(RESTS)
 class MovesAfterAFault(GoodDriver):
     def reset(self):
@@ -686,35 +640,6 @@ class SaysNothingWhileFree(GoodDriver):
         return None if self.is_free else super().read()
 
 
-@bad("test_its_axes_arrive")
-class NeverArrives(GoodDriver):
-    def gaps(self):
-        return [AxisGap("body", -0.02, 0.01)]
-
-
-@bad("test_its_axes_arrive")
-class WaitsInGaps(GoodDriver):
-    def gaps(self):
-        self.clock.advance(PERIOD_NS)
-        return super().gaps()
-
-
-@bad("test_its_axes_arrive")
-class WaitsForEver(GoodDriver):
-    def gaps(self):
-        return [AxisGap("body", 0.0, 0.01, patience=math.inf)]
-
-
-@bad("test_its_speed_scaling_is_a_share")
-class IsScaledByPercent(GoodDriver):
-    speed_scaling = 100.0
-
-
-@bad("test_its_speed_scaling_is_a_share")
-class RunsFasterThanAsked(GoodDriver):
-    speed_scaling = 1.01
-
-
 @bad(POSES)
 class HasAnotherMechanism(GoodDriver):
     def report(self):
@@ -729,37 +654,6 @@ class DrawsAPoint(GoodDriver):
         return mechanism
 
 
-@bad("test_it_explains_itself_in_words")
-class ExplainsNothing(GoodDriver):
-    def why_stale(self):
-        return None
-
-
-@bad("test_it_explains_itself_in_words")
-class ExplainsAtLength(GoodDriver):
-    def why_stale(self):
-        self.clock.advance(PERIOD_NS)
-        return super().why_stale()
-
-
-@bad("test_it_explains_itself_in_words")
-class KnowsNoSignal(GoodDriver):
-    def why_ended(self, signal):
-        return {9: "killed"}[signal]
-
-
-@bad("test_it_diagnoses_a_device_that_is_well")
-class LeavesOneAloneWithAProblem(GoodDriver):
-    def diagnose(self):
-        return [Finding("body", "broken", Verdict.PROBLEM)]
-
-
-@bad("test_it_says_where_an_offline_plan_begins")
-class BeginsNowhere(GoodDriver):
-    def offline_start(self, *, from_device):
-        return Feedback(0, (0.0, 0.0, 0.0, 0.0))
-
-
 class Opening(GoodDriver):
     is_open = None
 
@@ -768,21 +662,21 @@ class Opening(GoodDriver):
         self.is_open = True
 
 
-@bad("test_an_unknown_option_of_a_motion_is_refused")
+@bad(TUNES)
 class NeedsOptionsOfEveryMotion(GoodDriver):
     def tune(self, options):
         super().tune(options)
         assert options
 
 
-@bad("test_it_says_where_an_offline_plan_begins")
+@bad(BEGINS)
 class BeginsNowhereAsked(GoodDriver):
     def offline_start(self, *, from_device):
         start = super().offline_start(from_device=from_device)
         return start._replace(q=(0.0, 0.0, 0.0, 0.0)) if from_device else start
 
 
-@bad("test_it_says_where_an_offline_plan_begins")
+@bad(BEGINS)
 class BeginsNowhereUnasked(GoodDriver):
     def offline_start(self, *, from_device):
         start = super().offline_start(from_device=from_device)
@@ -818,29 +712,6 @@ def test_every_driver_that_was_made_is_closed(name):
     assert outcome(Suite(Closing), name) == "passed"
     assert made
     assert made == closed
-
-
-@bad("test_its_class_has_a_name_and_a_rate")
-class HasNoName(GoodDriver):
-    name = ""
-
-
-@bad("test_its_class_has_a_name_and_a_rate")
-class HasNoRate(GoodDriver):
-    default_rate_hz = 0.0
-
-
-@bad(OFFERS)
-class DeclaresNoTime(GoodDriver):
-    longest_call = 0.0
-
-
-@bad(LOADS)
-class LoadsNumPy(GoodDriver):
-    pass
-
-
-LoadsNumPy.__module__ = "orientd.rotation"
 
 
 class TakesJoints(GoodDriver):
