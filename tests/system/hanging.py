@@ -35,8 +35,7 @@ def hang(uid):
     look_up(uid + 1)  # every thread that looks names up hangs
     threading.Event().wait()
 
-if {hangs}:
-    pwd.getpwuid = hang
+pwd.getpwuid = hang
 """
 
 
@@ -47,11 +46,11 @@ class HangingDaemon(DaemonProcess):
         hung: the commands of the slow devices that have not been answered.
     """
 
-    def __init__(self, folder, *, has_names=False, **more):
+    def __init__(self, folder, **more):
         super().__init__(folder, **more)
         self.site = folder / "site"
         install_driver(self.site, "slow", "SlowDriver", _DRIVER)
-        (self.site / "sitecustomize.py").write_text(_NAME_SERVICE.format(hangs=not has_names))
+        (self.site / "sitecustomize.py").write_text(_NAME_SERVICE)
         self.import_from(self.site)
         slow = (
             f'[devices.{name}]\ndriver = "slow"\nrate_hz = 50\nauto_enable = false\n'

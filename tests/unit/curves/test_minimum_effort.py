@@ -49,11 +49,6 @@ def problem(name):
     return asked
 
 
-@pytest.mark.parametrize("name", ["min_acceleration_natural", "min_acceleration_clamped"])
-def test_the_optima_on_grids_tend_to_the_reference(golden, name):
-    assert OPTIMA[name]["acceleration"]["limit"] == pytest.approx(golden(name)["energy"], rel=2e-6)
-
-
 @pytest.mark.parametrize("kind", ["acceleration", "torque"])
 @pytest.mark.parametrize(("spans", "excess"), [(2, 0.01), (3, 0.005)])
 @pytest.mark.parametrize("name", OPTIMA)

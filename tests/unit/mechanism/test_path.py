@@ -5,14 +5,13 @@ import math
 import numpy as np
 import pytest
 from gimbals import forward, gimbal_of, inverse, limits
-from reference.gimbal import damped_rates, jacobian
 
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.mechanism.gimbal_route import manipulability, plan_axes
 from orientd.mechanism.joint_path import ToolLimits
 from orientd.mechanism.joint_path import rates as rates_after
-from orientd.rotation import angle, exp, from_axis_angle, from_matrix, log, multiply
+from orientd.rotation import angle, exp, from_axis_angle, from_matrix, multiply
 
 PERIOD = 0.005
 NO_LOAD = 4.817
@@ -53,36 +52,9 @@ def peak(route, kind, place):
     return peaks[place]
 
 
-def damped_passing(q, epsilon=0.12, gain=10.0):
-    """What damped least squares makes of the same path: error and peak rate."""
-    gimbal = gimbal_of("ZYX")
-    angles = inverse(gimbal, q[:1])[0, 0]
-    worst = fastest = 0.0
-    for k in range(1, len(q)):
-        ahead = log(multiply(q[k], q[k - 1] * [1, -1, -1, -1])) / PERIOD
-        error = log(multiply(q[k - 1], forward(gimbal, angles) * [1, -1, -1, -1]))
-        rate = damped_rates(jacobian(gimbal, angles), ahead + gain * error, epsilon=epsilon,
-                            damping=epsilon)  # fmt: skip
-        rate *= min(1.0, NO_LOAD / np.max(np.abs(rate)))
-        angles += rate * PERIOD
-        fastest = max(fastest, float(np.max(np.abs(rate))))
-        worst = max(worst, float(angle(forward(gimbal, angles), q[k])))
-    return np.rad2deg(worst), fastest
-
-
 # Measured once with damped least squares at epsilon = 0.12: (miss deg, peak rad/s, error deg).
 DAMPED = [(0.1, 0.26, 0.15), (0.5, 0.40, 0.77), (2.0, 1.77, 3.35), (5.0, 2.95, 3.54),
           (10.0, 1.51, 0.01)]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("miss", "rate", "error"),
-    [pytest.param(*one, marks=() if one[0] in (0.5, 5.0) else pytest.mark.slow) for one in DAMPED],
-)
-def test_damped_least_squares_is_reproduced(miss, rate, error):
-    got_error, got_rate = damped_passing(passing(miss, half=2.0))
-    assert got_rate == pytest.approx(rate, rel=0.15)
-    assert got_error == pytest.approx(error, rel=0.25, abs=0.05)
 
 
 @pytest.mark.parametrize("order", ["ZY", "ZYX"])
