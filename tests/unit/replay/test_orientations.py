@@ -1,6 +1,7 @@
 """Orientations from recordings of other programs: other schemas, other encodings, tables."""
 
 import json
+from itertools import zip_longest
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from orientd_replay import read_orientations
 
 TIMES = 1000.0 + 0.05 * np.arange(20)
 Q = rotation.exp(np.outer(0.05 * np.arange(20), [0.0, 0.6, 0.8]))
+UPRIGHT = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
 
 POSE_STAMPED = """\
 std_msgs/Header header
@@ -59,6 +61,36 @@ def ours(tmp_path):
 
 def named(q):
     return dict(zip("wxyz", map(float, q), strict=True))
+
+
+def json_file(path, messages, *, kinds=(), log_times=None):
+    """Write JSON messages of a topic or of several, recorded 10 ms after each other.
+
+    A message of bytes is written as it is.
+    """
+    topics = messages if isinstance(messages, dict) else {"/head": messages}
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        for topic, kind in zip_longest(topics, kinds, fillvalue=""):
+            schema = writer.register_schema(kind, "jsonschema", b"{}") if kind else 0
+            channel = writer.register_channel(topic, "json", schema)
+            for k, message in enumerate(topics[topic]):
+                content = message if isinstance(message, bytes) else json.dumps(message).encode()
+                at = 10_000_000 * k if log_times is None else log_times[k]
+                writer.add_message(channel, log_time=at, data=content, publish_time=0)
+        writer.finish()
+    return path
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Return what reads the orientations of JSON messages."""
+
+    def read(messages, topic="", **how):
+        return read_orientations(json_file(tmp_path / "a.mcap", messages, **how), topic)
+
+    return read
 
 
 def check(found):
@@ -109,26 +141,24 @@ def test_foxglove_poses_of_somebody_else(tmp_path):
     check(found)
 
 
-def test_json_in_transforms_with_several_children(tmp_path):
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        schema = writer.register_schema("foxglove.FrameTransforms", "jsonschema", b"{}")
-        channel = writer.register_channel("/tf", "json", schema)
-        for time, q in zip(TIMES, Q, strict=True):
-            stamp = {"sec": int(time), "nsec": round((time - int(time)) * 1e9)}
-            children = [("tool", q), ("base", [1.0, 0.0, 0.0, 0.0])]
-            transforms = [
-                {"timestamp": stamp, "child_frame_id": child, "rotation": named(turn)}
-                for child, turn in children
+def stamp_of(time):
+    return {"sec": int(time), "nsec": round((time - int(time)) * 1e9)}
+
+
+def test_json_in_transforms_with_several_children(read):
+    messages = [
+        {
+            "transforms": [
+                {"timestamp": stamp_of(time), "child_frame_id": "tool", "rotation": named(q)},
+                {"timestamp": stamp_of(time), "child_frame_id": "base", "rotation": UPRIGHT},
             ]
-            content = json.dumps({"transforms": transforms}).encode()
-            writer.add_message(channel, log_time=3, data=content, publish_time=3)
-        writer.finish()
-    check(read_orientations(path, "/tf#tool"))
+        }
+        for time, q in zip(TIMES, Q, strict=True)
+    ]
+    recorded = {"/tf": messages}, ["foxglove.FrameTransforms"]
+    check(read(recorded[0], "/tf#tool", kinds=recorded[1]))
     with pytest.raises(RecordingError, match="name one topic of '/tf#tool', '/tf#base'"):
-        read_orientations(path)
+        read(recorded[0], kinds=recorded[1])
 
 
 def test_a_ros_2_bag(tmp_path):
@@ -198,19 +228,16 @@ def test_tables_of_something_else_are_refused(tmp_path, text, problem):
         read_orientations(tmp_path / "a.csv")
 
 
-def test_a_topic_of_one_frame_needs_no_name_of_the_frame(tmp_path):
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channel = writer.register_channel("/tf", "json", 0)
-        for time, q in zip(TIMES, Q, strict=True):
-            stamp = {"sec": int(time), "nsec": round((time - int(time)) * 1e9)}
-            one = {"timestamp": stamp, "child_frame_id": "tool", "rotation": named(q)}
-            content = json.dumps({"transforms": [one]}).encode()
-            writer.add_message(channel, log_time=3, data=content, publish_time=3)
-        writer.finish()
-    check(read_orientations(path, "/tf"))
+def test_a_topic_of_one_frame_needs_no_name_of_the_frame(read):
+    messages = [
+        {
+            "transforms": [
+                {"timestamp": stamp_of(time), "child_frame_id": "tool", "rotation": named(q)}
+            ]
+        }
+        for time, q in zip(TIMES, Q, strict=True)
+    ]
+    check(read({"/tf": messages}, "/tf"))
 
 
 @pytest.mark.parametrize("unit", ["ns", "us"])
@@ -226,19 +253,6 @@ def test_times_that_cannot_be_seconds_are_refused(tmp_path, unit):
         read_orientations(tmp_path / "a.csv")
 
 
-def json_file(path, messages, *, schema=0, topic="/head"):
-    """Write JSON messages, recorded 10 ms after each other."""
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channel = writer.register_channel(topic, "json", schema)
-        for k, message in enumerate(messages):
-            content = json.dumps(message).encode()
-            writer.add_message(channel, log_time=10_000_000 * k, data=content, publish_time=0)
-        writer.finish()
-    return path
-
-
 @pytest.mark.parametrize(
     "stamped",
     [
@@ -252,65 +266,54 @@ def json_file(path, messages, *, schema=0, topic="/head"):
         lambda sec, nsec: {"stamp": sec + 1e-9 * nsec},
     ],
 )
-def test_a_message_has_the_time_of_its_stamp_in_every_form(tmp_path, stamped):
-    turn = named([1.0, 0.0, 0.0, 0.0])
-    messages = [{**stamped(5 + k, 250_000_000 * k), "q": turn} for k in range(3)]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+def test_a_message_has_the_time_of_its_stamp_in_every_form(read, stamped):
+    messages = [{**stamped(5 + k, 250_000_000 * k), "q": UPRIGHT} for k in range(3)]
+    found = read(messages)
     np.testing.assert_allclose(found.times, [0.0, 1.25, 2.5], atol=1e-9)
 
 
 @pytest.mark.parametrize("stamp", [{"sec": 0, "nanosec": 0}, {"sec": 7}, {}, None])
-def test_a_topic_whose_stamps_were_never_set_has_the_times_of_its_recording(tmp_path, stamp):
-    messages = [{"stamp": stamp, "q": named([1.0, 0.0, 0.0, 0.0])}] * 3
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+def test_a_topic_whose_stamps_were_never_set_has_the_times_of_its_recording(read, stamp):
+    messages = [{"stamp": stamp, "q": UPRIGHT}] * 3
+    found = read(messages)
     np.testing.assert_allclose(found.times, [0.0, 0.01, 0.02], atol=1e-12)
     assert found.clock == "the times of recording"
 
 
-def test_a_stamp_of_exactly_zero_is_a_stamp(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
+def test_a_stamp_of_exactly_zero_is_a_stamp(read):
     stamps = [{"sec": k, "nanosec": 0} for k in range(20)]
-    messages = [{"stamp": stamp, "q": turn} for stamp in stamps]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    messages = [{"stamp": stamp, "q": UPRIGHT} for stamp in stamps]
+    found = read(messages)
     np.testing.assert_allclose(found.times, np.arange(20.0), atol=1e-12)
     assert found.clock == "the stamps of its messages"
 
 
-def test_a_message_without_a_stamp_among_others_gets_no_time_of_another_clock(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
-    messages = [{"stamp": 5.0 + k, "q": turn} for k in range(20)]
+def test_a_message_without_a_stamp_among_others_gets_no_time_of_another_clock(read):
+    messages = [{"stamp": 5.0 + k, "q": UPRIGHT} for k in range(20)]
     del messages[3]["stamp"]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    found = read(messages)
     assert np.flatnonzero(np.isnan(found.times)).tolist() == [3]
     np.testing.assert_allclose(np.delete(found.times, 3), np.delete(np.arange(20.0), 3))
 
 
-def test_each_topic_has_a_clock_of_its_own(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channels = [writer.register_channel(name, "json", 0) for name in ("/a", "/b")]
-        for k in range(20):
-            for channel, stamp in zip(channels, (100.0 + k, 0.0), strict=True):
-                content = json.dumps({"stamp": stamp, "q": turn}).encode()
-                writer.add_message(channel, log_time=10**7 * k, data=content, publish_time=0)
-        writer.finish()
-    assert read_orientations(path, "/a").times[-1] == 19.0
-    assert read_orientations(path, "/b").times[-1] == pytest.approx(0.19)
+def test_each_topic_has_a_clock_of_its_own(read):
+    messages = {
+        "/a": [{"stamp": 100.0 + k, "q": UPRIGHT} for k in range(20)],
+        "/b": [{"stamp": 0.0, "q": UPRIGHT}] * 20,
+    }
+    assert read(messages, "/a").times[-1] == 19.0
+    assert read(messages, "/b").times[-1] == pytest.approx(0.19)
 
 
 @pytest.mark.parametrize(
     "in_the_other", [slice(1, None, 2), slice(50, None), slice(7, 8), slice(0, 1), slice(40, 60)]
 )
-def test_a_mixture_of_two_clocks_is_refused_with_both_ranges(tmp_path, in_the_other):
-    turn = named([1.0, 0.0, 0.0, 0.0])
+def test_a_mixture_of_two_clocks_is_refused_with_both_ranges(read, in_the_other):
     stamps = 132.69 + 0.05 * np.arange(100)
     stamps[in_the_other] += 1.778e9
-    messages = [{"stamp": stamp, "q": turn} for stamp in stamps.tolist()]
+    messages = [{"stamp": stamp, "q": UPRIGHT} for stamp in stamps.tolist()]
     with pytest.raises(RecordingError, match="stamps of its messages are of two clocks") as refused:
-        read_orientations(json_file(tmp_path / "a.mcap", messages))
+        read(messages)
     late = stamps > 1e6
     for part in (stamps[~late], stamps[late]):
         assert f"{len(part)} from {part[0]:.3f} s to {part[-1]:.3f} s" in str(refused.value)
@@ -318,11 +321,10 @@ def test_a_mixture_of_two_clocks_is_refused_with_both_ranges(tmp_path, in_the_ot
     assert f"the first change in sample {change};" in str(refused.value)
 
 
-def test_a_pause_of_an_hour_is_no_second_clock(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
+def test_a_pause_of_an_hour_is_no_second_clock(read):
     stamps = [*np.arange(0.0, 1.0, 0.1), *np.arange(3600.0, 3601.0, 0.1)]
-    messages = [{"stamp": stamp, "q": turn} for stamp in stamps]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    messages = [{"stamp": stamp, "q": UPRIGHT} for stamp in stamps]
+    found = read(messages)
     np.testing.assert_allclose(found.times, stamps, atol=1e-6)
 
 
@@ -345,12 +347,11 @@ def test_times_of_arrival_are_recognised(tmp_path):
     assert_refused(inside("replay", path, "--dry-run"), "at most a tenth: ", expected)
 
 
-def test_random_times_are_no_times_of_arrival(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
+def test_random_times_are_no_times_of_arrival(read):
     for seed in range(20):
         times = np.cumsum(np.random.default_rng(seed).exponential(0.02, 200))
-        messages = [{"stamp": 1.0 + t, "q": turn} for t in times.tolist()]
-        assert read_orientations(json_file(tmp_path / "a.mcap", messages)).notes == ()
+        messages = [{"stamp": 1.0 + t, "q": UPRIGHT} for t in times.tolist()]
+        assert read(messages).notes == ()
 
 
 def test_replay_and_plot_name_the_clock(tmp_path):
@@ -364,17 +365,18 @@ def test_replay_and_plot_name_the_clock(tmp_path):
     assert "drawn by the stamps of its messages" in drawn.stdout
 
 
-def test_a_stamp_without_nanoseconds_or_seconds_is_taken(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
-    messages = [{"stamp": {"sec": 0, "nanosec": 7}, "q": turn}, {"stamp": {"sec": 1}, "q": turn}]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+def test_a_stamp_without_nanoseconds_or_seconds_is_taken(read):
+    messages = [
+        {"stamp": {"sec": 0, "nanosec": 7}, "q": UPRIGHT},
+        {"stamp": {"sec": 1}, "q": UPRIGHT},
+    ]
+    found = read(messages)
     np.testing.assert_allclose(found.times, [0.0, 1.0 - 7e-9], atol=1e-12)
 
 
-def test_a_stamp_out_of_all_time_is_none(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
-    messages = [{"stamp": stamp, "q": turn} for stamp in (1.0, 1e300, -1e300, *range(2, 20))]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+def test_a_stamp_out_of_all_time_is_none(read):
+    messages = [{"stamp": stamp, "q": UPRIGHT} for stamp in (1.0, 1e300, -1e300, *range(2, 20))]
+    found = read(messages)
     np.testing.assert_allclose(found.times, [0.0, np.nan, np.nan, *range(1, 19)], atol=1e-9)
     assert found.notes == (
         "left out: 2 of 21 samples without a time or number (first in sample 1)",
@@ -383,22 +385,22 @@ def test_a_stamp_out_of_all_time_is_none(tmp_path):
 
 @pytest.mark.parametrize("name", ["orientation", "rotation", "quaternion", "q"])
 @pytest.mark.parametrize("nest", ["pose", "transform", "odometry", ""])
-def test_a_quaternion_is_found_by_the_names_of_its_fields(tmp_path, nest, name):
+def test_a_quaternion_is_found_by_the_names_of_its_fields(read, nest, name):
     turn = {name: named([0.6, 0.0, 0.8, 0.0])}
     message = {nest: {"pose": turn} if nest == "pose" else turn} if nest else turn
-    found = read_orientations(json_file(tmp_path / "a.mcap", [message] * 2))
+    found = read([message] * 2)
     assert found.q.tolist() == [[0.6, 0.0, 0.8, 0.0]] * 2
 
 
-def test_a_quaternion_that_is_buried_or_lacks_a_number_is_none(tmp_path):
-    turn = {"q": named([1.0, 0.0, 0.0, 0.0])}
+def test_a_quaternion_that_is_buried_or_lacks_a_number_is_none(read):
+    turn = {"q": UPRIGHT}
     for message in (
         {"pose": {"pose": {"pose": {"pose": turn}}}},
         {"q": {"w": 1.0, "x": 0.0, "y": 0.0}},
         {"q": {"w": "1", "x": 0.0, "y": 0.0, "z": 0.0}},
     ):
         with pytest.raises(RecordingError, match="no orientations in its topics, /head"):
-            read_orientations(json_file(tmp_path / "a.mcap", [message] * 2))
+            read([message] * 2)
 
 
 def test_a_measurement_that_was_read_twice_is_one(tmp_path):
@@ -414,12 +416,12 @@ def test_a_measurement_that_was_read_twice_is_one(tmp_path):
     assert len(read_orientations(tmp_path / "a.mcap", "/arm/sent").times) == 50
 
 
-def test_norms_near_one_are_scaled_and_others_are_left_out(tmp_path):
+def test_norms_near_one_are_scaled_and_others_are_left_out(read):
     rows = [[1.0, 0.0, 0.0, 0.0], [0.51, 0.0, 0.0, 0.0], [1.99, 0.0, 0.0, 0.0]]
     rows += [[0.49, 0.0, 0.0, 0.0], [0.0, 2.01, 0.0, 0.0]]
     rows += [[1.0, 0.0, 0.0, 0.0]] * 20
     messages = [{"q": named(row)} for row in rows]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    found = read(messages)
     assert found.q[:3].tolist() == [[1.0, 0.0, 0.0, 0.0]] * 3
     assert np.isnan(found.q[3:5]).all()
     assert found.notes == (
@@ -429,10 +431,10 @@ def test_norms_near_one_are_scaled_and_others_are_left_out(tmp_path):
 
 
 @pytest.mark.parametrize("norm", [0.45, 2.0, 2.1, 3.0, 100.0, 2.0**14, 2.0**30, 1e200])
-def test_quaternions_of_any_scale_are_scaled_with_a_note(tmp_path, norm):
+def test_quaternions_of_any_scale_are_scaled_with_a_note(read, norm):
     messages = [{"stamp": t, "q": named(norm * q)} for t, q in zip(TIMES.tolist(), Q, strict=True)]
     messages[4]["q"] = named([0.0, 0.0, 0.0, 0.0])
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    found = read(messages)
     np.testing.assert_allclose(np.delete(found.q, 4, axis=0), np.delete(Q, 4, axis=0), atol=1e-9)
     assert np.isnan(found.q[4]).all()
     left_out, scaled = found.notes
@@ -440,7 +442,7 @@ def test_quaternions_of_any_scale_are_scaled_with_a_note(tmp_path, norm):
     assert scaled == f"scaled to 1: 19 of 20 quaternions with norm {norm:.6g}"
 
 
-def test_two_scales_in_one_recording_are_refused(tmp_path):
+def test_two_scales_in_one_recording_are_refused(read):
     messages = [{"stamp": t, "q": named(q)} for t, q in zip(TIMES.tolist(), 100.0 * Q, strict=True)]
     for k in (3, 7, 11):
         messages[k]["q"] = named(Q[k])
@@ -449,7 +451,7 @@ def test_two_scales_in_one_recording_are_refused(tmp_path):
         r"to 200 \(first in sample 3: 1\); cut or repair the recording"
     )
     with pytest.raises(RecordingError, match=expected):
-        read_orientations(json_file(tmp_path / "a.mcap", messages))
+        read(messages)
 
 
 @pytest.mark.parametrize("junk", [2, 3])
@@ -473,15 +475,14 @@ def test_samples_at_one_time_are_refused(tmp_path):
         read_orientations(path)
 
 
-def test_repeated_and_late_times_have_a_note(tmp_path):
-    turn = named([1.0, 0.0, 0.0, 0.0])
+def test_repeated_and_late_times_have_a_note(read):
     stamps = [1.0, 1.1, 1.1, 1.3, 1.25, 1.4]
-    messages = [{"stamp": stamp, "q": turn} for stamp in stamps]
-    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    messages = [{"stamp": stamp, "q": UPRIGHT} for stamp in stamps]
+    found = read(messages)
     assert "not used: 1 of 6 samples with the time of an earlier sample" in found.notes
     assert any("steps back once, first in sample 4, by at most 0.05 s" in n for n in found.notes)
-    steady = [{"stamp": 1.0 + 0.1 * k, "q": turn} for k in range(5)]
-    assert read_orientations(json_file(tmp_path / "b.mcap", steady)).notes == ()
+    steady = [{"stamp": 1.0 + 0.1 * k, "q": UPRIGHT} for k in range(5)]
+    assert read(steady).notes == ()
 
 
 def test_a_path_may_be_text(ours):
@@ -504,48 +505,32 @@ def test_a_mistake_of_the_caller_is_not_called_damage():
         {"transforms": {"a": 1}},
         {"transforms": [5, "x", None]},
         {"q": {"w": 10**400, "x": 0, "y": 0, "z": 0}},
-        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": {"sec": "5", "nanosec": 0}},
-        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": {"sec": 10**400}},
-        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": 10**400},
-        {"q": named([1.0, 0.0, 0.0, 0.0]), "stamp": {"sec": 1, "nanosec": float("nan")}},
+        {"q": UPRIGHT, "stamp": {"sec": "5", "nanosec": 0}},
+        {"q": UPRIGHT, "stamp": {"sec": 10**400}},
+        {"q": UPRIGHT, "stamp": 10**400},
+        {"q": UPRIGHT, "stamp": {"sec": 1, "nanosec": float("nan")}},
         [],
         "text",
         7,
     ],
 )
-def test_messages_of_any_content_do_no_harm(tmp_path, message):
-    turn = {"q": named([1.0, 0.0, 0.0, 0.0])}
+def test_messages_of_any_content_do_no_harm(read, message):
+    turn = {"q": UPRIGHT}
     good = [{**turn, "stamp": 1.0 + 0.1 * k} for k in range(19)]
-    found = read_orientations(json_file(tmp_path / "a.mcap", [*good, message]))
+    found = read([*good, message])
     assert len(found.times) - np.count_nonzero(np.isnan(found.times)) in (19, 20)
 
 
-def test_a_time_of_recording_beyond_all_clocks_is_no_time(tmp_path):
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channel = writer.register_channel("/head", "json", 0)
-        for k in range(20):
-            content = json.dumps({"q": named(Q[k])}).encode()
-            time = 2**64 - 1 if k == 7 else k
-            writer.add_message(channel, log_time=time, data=content, publish_time=k)
-        writer.finish()
-    found = read_orientations(path)
+def test_a_time_of_recording_beyond_all_clocks_is_no_time(read):
+    times = [2**64 - 1 if k == 7 else k for k in range(20)]
+    found = read([{"q": named(q)} for q in Q], log_times=times)
     assert np.flatnonzero(np.isnan(found.times)).tolist() == [7]
     assert "1 of 20 samples without a time or number (first in sample 7)" in found.notes[0]
 
 
 def test_a_message_that_cannot_be_decoded_is_damage(tmp_path):
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channel = writer.register_channel("/head", "json", 0)
-        for k in range(20):
-            content = b"{" if k == 7 else json.dumps({"q": named(Q[k])}).encode()
-            writer.add_message(channel, log_time=k, data=content, publish_time=k)
-        writer.finish()
+    messages = [b"{" if k == 7 else {"q": named(q)} for k, q in enumerate(Q)]
+    path = json_file(tmp_path / "a.mcap", messages)
     with pytest.raises(RecordingError, match=r"a\.mcap: /head is damaged: Expecting.*`--partial`"):
         read_orientations(path)
     found = read_orientations(path, partial=True)
@@ -554,15 +539,8 @@ def test_a_message_that_cannot_be_decoded_is_damage(tmp_path):
 
 
 def test_topics_without_orientations_are_named_with_their_types(tmp_path):
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        for topic, kind in (("/log", "foxglove.Log"), ("/load", "lab.Load")):
-            schema = writer.register_schema(kind, "jsonschema", b"{}")
-            channel = writer.register_channel(topic, "json", schema)
-            writer.add_message(channel, log_time=1, data=b"{}", publish_time=1)
-        writer.finish()
+    topics = {"/log": [{}], "/load": [{}]}
+    path = json_file(tmp_path / "a.mcap", topics, kinds=["foxglove.Log", "lab.Load"])
     assert_refused(
         inside("replay", path, "--dry-run"),
         "no orientations in its topics, /log (foxglove.Log), /load (lab.Load); expected a field "
