@@ -1,18 +1,14 @@
 """One round each of some of the faults that `make chaos` tries many times."""
 
 import os
-import random
 import signal
 import time
 
 import grpc
 import pytest
-from harness import DEVICE, is_alive, nudge, until
-from scenes import Retarget, Track
+from harness import DEVICE, nudge, until
 from stage import Stage
 from tally import Tally
-from test_clients import fuzzed, garbage, slow
-from test_processes import kill_daemon, renew
 
 from orientd.protocol import control_pb2 as pb
 
@@ -30,37 +26,6 @@ def stage(tmp_path_factory):
     with it:
         it.calls.longest = 30.0  # only a call that hangs fails here
         yield it
-
-
-def test_a_daemon_killed_in_a_retarget_leaves_a_stop_and_a_free_place(stage):
-    generator = random.Random(3)
-    with stage.round():
-        scene = Retarget(stage, generator)
-        scene.ending.wait(0.6)
-        killed = stage.servo
-        kill_daemon(stage)
-        assert not is_alive(killed)
-        scene.end()
-        renew(stage)
-        assert stage.servo != killed
-        stage.settle(faults=("none",))
-
-
-def test_bad_clients_do_not_disturb_the_following_of_targets(stage):
-    generator = random.Random(4)
-    with stage.round():
-        scene = Track(stage, generator)
-        pid = stage.servo
-        for harm in (garbage, fuzzed, slow):
-            for line in harm(stage, generator, stage.tally):
-                line.close()
-        scene.end()
-        stage.rests()
-        stage.streams.clear()
-        stage.check_truth(faults=("none",))
-        assert stage.servo == pid
-        stage.check_sent()
-        stage.recover()
 
 
 def test_a_stopped_servo_process_is_told_of_and_goes_on(stage):

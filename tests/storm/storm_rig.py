@@ -79,43 +79,11 @@ class Rig(DaemonProcess):
         forking = {pid for pid in children(self.pid) if "planners" in command_line(pid)}
         return {pid for parent in forking for pid in children(parent)}
 
-    def await_sleep(self) -> None:
-        """Wait until all planners have started, and none plans."""
-
-        def sleeps() -> bool:
-            for _ in range(5):
-                if any(state_of(pid) != "S" for pid in self.planners()):
-                    return False
-                time.sleep(0.02)
-            return True
-
-        until(sleeps, "planners that wait for work")
-
-    def busiest_planner(self) -> int:
-        """Return the process that plans right now; all of them slept before."""
-        planners = self.planners()
-        assert planners, "the daemon has no planner process"
-        begun = {pid: processor_seconds(pid) for pid in planners}
-
-        def busy() -> int:
-            spent = {pid: processor_seconds(pid) - begun[pid] for pid in planners}
-            pid = max(spent, key=spent.__getitem__)
-            return pid if spent[pid] > 0.03 else 0
-
-        return until(busy, "a planner at work")
-
 
 def command_line(pid: int) -> str:
     """Return the words that a process was started with; nothing once it has ended."""
     with contextlib.suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
-    return ""
-
-
-def state_of(pid: int) -> str:
-    """Return the state of a process, as ``ps`` says it; nothing once it has ended."""
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     return ""
 
 
