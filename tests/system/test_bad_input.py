@@ -148,10 +148,6 @@ def test_a_bad_message_is_refused_in_the_words_of_the_file(daemon, name):
     assert str(caught.value).startswith(line)
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path):
-    assert_refused(orientd("plan", tmp_path / "absent.yaml"), "cannot read", "No such file")
-
-
 def test_a_motion_that_begins_elsewhere_is_refused(daemon, tmp_path):
     path = write(tmp_path, motion({**TURNED, "time": 0}, {**UPRIGHT, "time": 5}))
     assert_refused(orientd("move", path, "--socket", daemon.socket), "orientation by 0.5 rad")
@@ -251,25 +247,6 @@ def test_a_wrong_speed_is_refused_for_what_it_is(daemon):
     assert_refused(done, "speed: expected more than 0 and at most 1, got -1")
 
 
-@pytest.mark.parametrize("command", ["plan", "compare", "plot"])
-def test_a_single_keyframe_is_no_curve(tmp_path, command):
-    done = inside(command, write(tmp_path, motion(TURNED)))
-    assert_refused(done, "keyframes: ", "expected at least 2")
-
-
-def test_a_picture_that_cannot_be_drawn_is_refused_before_anything_moves(tmp_path):
-    named = inside("demo", "--plot", tmp_path / "demo.txt")
-    assert_refused(named, ".png", "got 'demo.txt'", status=2)
-    assert_refused(inside("demo", "--plot", tmp_path / "none/demo.png"), "cannot write")
-
-
-def test_a_recording_is_not_written_over(tmp_path):
-    path = tmp_path / "run.mcap"
-    path.write_bytes(b"dear")
-    assert_refused(inside("record", path), "run.mcap", "there already")
-    assert path.read_bytes() == b"dear"
-
-
 @pytest.mark.parametrize("moment", [float("nan"), float("inf"), "soon"])
 def test_a_start_that_is_no_time_is_refused(daemon, moment):
     with (
@@ -294,12 +271,6 @@ def test_a_target_that_is_not_well_formed_is_refused(daemon, field, value):
         fields = {"angular_velocity": [0.0, 0.0, 1.0], field: value}
         with pytest.raises(RequestError, match=f"target.{field}: expected .*, got "):
             tracking.aim(UPRIGHT, **fields)
-
-
-def test_endless_delay_of_an_emulated_adapter_is_refused(tmp_path):
-    refused = inside("sim", "dynamixel", "--link", str(tmp_path / "bus"), "--usb-ms", "inf")
-    assert refused.returncode == 2
-    assert "--usb-ms" in refused.stderr
 
 
 def test_help_is_never_cut_short():

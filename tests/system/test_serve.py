@@ -5,7 +5,7 @@ import socket
 import time
 
 import pytest
-from command_line import assert_refused, begin, inside, orientd
+from command_line import assert_refused, begin, orientd
 from harness import DEVICE
 
 from orientd.client import connect
@@ -36,13 +36,6 @@ def test_an_address_of_another_machine_is_one_clear_line(daemon):
         "serve", "rotctld", "--host", "192.0.2.1", "--port", 0, "--socket", daemon.socket
     )
     assert_refused(done, "cannot serve at 192.0.2.1", "--host")
-
-
-@pytest.mark.parametrize("protocol", ["rotctld", "mavlink", "alpaca"])
-def test_a_north_that_is_no_number_is_a_usage_error(protocol):
-    done = inside("serve", protocol, "--north", "nan")
-    assert done.returncode == 2
-    assert "expected a finite number, got nan" in done.stderr
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

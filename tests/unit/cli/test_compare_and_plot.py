@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from command_line import assert_refused, inside
 
-from orientd.cli.main import app
 from orientd.curves import METHODS, comparison
 
 STANDARD = Path(__file__).parents[2] / "data/standard"
@@ -23,26 +22,15 @@ def _few_families(monkeypatch):
     )
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 def told(*arguments):
-    done = run(*arguments, "--json")
-    assert done.exit_code == 0, done.output
+    done = inside(*arguments, "--json")
+    assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
-def assert_refused(done, *parts, status=1):
-    assert done.exit_code == status
-    for part in parts:
-        assert part in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 def test_families_are_compared_as_a_table():
-    done = run("compare", STANDARD / "fly_through.yaml")
-    assert done.exit_code == 0
+    done = inside("compare", STANDARD / "fly_through.yaml")
+    assert done.returncode == 0
     header, *rows = done.stdout.split("\n\n")[0].splitlines()
     assert header.split()[:3] == ["method", "keyframes", "smooth"]
     assert "torque" not in header
@@ -115,11 +103,6 @@ def test_a_file_without_times_is_taken_by_chord():
     assert times == pytest.approx(chord, rel=1e-14)
 
 
-def test_repeated_keyframes_have_no_chord():
-    done = run("compare", STANDARD / "repeated_and_flipped.yaml", "--times", "chord")
-    assert_refused(done, "keyframes[2]", "is the same as the one before it")
-
-
 def test_options_of_the_file_go_to_its_method(tmp_path):
     file = tmp_path / "open.yaml"
     text = (STANDARD / "fly_through.yaml").read_text()
@@ -129,34 +112,12 @@ def test_options_of_the_file_go_to_its_method(tmp_path):
     assert families["kks_bspline"]["continuity"] == 1
 
 
-@pytest.mark.parametrize("inertia", ["1,2", "1,2,x", "1,0,2", "1,-1,2", "1,inf,2", ""])
-def test_a_wrong_inertia_is_a_mistake_in_the_command_line(inertia):
-    done = run("compare", STANDARD / "spread.yaml", "--inertia", inertia)
-    assert_refused(done, "--inertia", status=2)
-
-
-def test_torque_needs_an_inertia_to_sort_by():
-    done = run("compare", STANDARD / "spread.yaml", "--sort", "torque")
-    assert_refused(done, "needs --inertia", status=2)
-
-
-def test_what_is_no_motion_file_is_refused(tmp_path):
-    file = tmp_path / "none.yaml"
-    assert_refused(run("compare", file), "none.yaml")
-
-
 def test_all_families_are_drawn_side_by_side(tmp_path):
     pytest.importorskip("matplotlib")
     path = tmp_path / "sheet.svg"
     report = told("compare", STANDARD / "fly_through.yaml", "--plot", path)
     assert report["plot"] == str(path)
     assert "family-squad" in path.read_text()
-
-
-def test_a_picture_of_no_known_format_is_refused_at_once(tmp_path):
-    pytest.importorskip("matplotlib")
-    done = run("compare", STANDARD / "spread.yaml", "--plot", tmp_path / "sheet.gif")
-    assert_refused(done, "must end in .png, .svg, .pdf", status=2)
 
 
 @pytest.mark.parametrize("show", ["motion", "triads", "rates", "body"])
@@ -171,41 +132,9 @@ def test_a_motion_file_is_drawn(tmp_path, show):
     assert ("faces" in text) == (show == "body")
 
 
-def test_a_body_needs_positions(tmp_path):
-    pytest.importorskip("matplotlib")
-    done = run("plot", STANDARD / "spread.yaml", "--show", "body", "-o", tmp_path / "x.svg")
-    assert_refused(done, "positions")
-    assert not (tmp_path / "x.svg").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "instead"),
-    [
-        ("squad", "set `method: squad` in a motion file, or see its picture in the documentation"),
-        ("kks-2", "see the figures of the papers in the documentation"),
-        ("nothing", "'nothing' is no file\n"),
-    ],
-)
-def test_a_name_that_is_no_file_is_refused_with_what_serves_instead(name, instead):
-    pytest.importorskip("matplotlib")
-    assert_refused(run("plot", name), f"{name!r} is no file", instead)
-
-
-def test_a_plot_needs_a_file():
-    assert_refused(
-        run("plot"), "expected a motion file or a recording", "`orientd methods`", status=2
-    )
-
-
 def test_a_family_that_cannot_join_the_keyframes_says_so(tmp_path):
     pytest.importorskip("matplotlib")
     file = tmp_path / "shieh.yaml"
     file.write_text("method: nielson_shieh\n" + (STANDARD / "nearly_identical.yaml").read_text())
-    done = run("plot", file, "-o", tmp_path / "x.svg")
+    done = inside("plot", file, "-o", tmp_path / "x.svg")
     assert_refused(done, "nielson_shieh cannot join these keyframes")
-
-
-@pytest.mark.parametrize("option", ["--gallery", "--format"])
-def test_a_gallery_is_refused_with_what_serves_instead(tmp_path, option):
-    done = run("methods", option, tmp_path / "gallery")
-    assert_refused(done, "`orientd compare FILE --plot PICTURE`", "page Curves")

@@ -14,79 +14,12 @@ from orientd.cli.output import Output
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.writer import RecordingWriter
 
-TWO = "keyframes:\n  - {rotation_vector: [0, 0, 0]}\n  - {rotation_vector: [0, 0, 1]}\n"
-
-
-@pytest.fixture
-def written(tmp_path):
-    def write(text):
-        path = tmp_path / "motion.yaml"
-        path.write_text(text)
-        return path
-
-    return write
-
-
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        (
-            "keyframes:\n\t- {time: 0}\n",
-            "{}: line 2: not YAML: a tab; YAML is indented with spaces",
-        ),
-        (
-            TWO.replace("rotation_vector", "time: 0, rotation_vector", 1).replace(
-                "- {rotation_vector", "- {time: 1, rotation_vector"
-            )
-            + "duration: 2\n",
-            "{}: duration: the planner then chooses the times; leave out those of the keyframes",
-        ),
-        (
-            TWO + "start_velocity: 1\n",
-            "{}: start_velocity: expected three numbers, got 1; write them as [x, y, z]",
-        ),
-        (
-            TWO.replace("[0, 0, 1]", "[0, 1]"),
-            "{}: keyframes[1].rotation_vector: expected 3 entries, got 2: [0, 1]; "
-            "give 3, with decimal points",
-        ),
-    ],
-    ids=["tab", "duration", "velocity", "vector"],
-)
-def test_a_wrong_motion_file_is_named_with_the_cure(written, text, line):
-    path = written(text)
-    assert inside("plan", path).stderr == f"orientd: {line.format(path)}\n"
-
-
-def test_a_misspelt_command_is_answered_with_the_nearest():
-    assert_refused(inside("mvoe"), "no such command 'mvoe'", "did you mean 'move'", status=2)
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("plan", "m.yaml", "--plot"),
-        ("plot", "m.yaml", "-o"),
-        ("demo", "-p"),
-        ("compare", "m", "--plot"),
-    ],
-    ids=lambda arguments: arguments[0],
-)
-def test_a_picture_of_no_known_kind_is_a_mistake_of_usage(arguments):
-    assert_refused(inside(*arguments, "picture.foo"), "must end in .png", status=2)
-
 
 def test_a_file_that_cannot_be_read_is_no_mistake_of_usage(tmp_path, monkeypatch):
     path = tmp_path / "s"
     path.touch()
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert_refused(inside("status", "--socket", path), f"{path} is not a socket")
-
-
-def test_a_recording_that_cannot_be_written_is_refused_before_it_is_announced(tmp_path):
-    done = inside("record", tmp_path / "none" / "run.mcap")
-    assert_refused(done, "run.mcap: No such file or directory")
-    assert done.stdout == ""
 
 
 @pytest.mark.parametrize(("number", "said"), [(1, "1 problem"), (2, "2 problems")])

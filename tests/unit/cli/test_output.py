@@ -138,12 +138,6 @@ def test_a_mistake_of_ours_is_shown_whole_to_whoever_asks_for_it(run, monkeypatc
         run(ZeroDivisionError())
 
 
-@pytest.mark.parametrize("address", ["nowhere", "localhost"])
-def test_an_address_without_a_port_is_a_mistake_of_usage(address):
-    result = inside("status", "--address", address)
-    assert_refused(result, f"expected HOST:PORT or fleet:NAME, got {address!r}", status=2)
-
-
 def test_an_address_is_that_of_one_command_alone(monkeypatch, tmp_path):
     monkeypatch.delenv("ORIENTD_ADDRESS", raising=False)
     socket = tmp_path / "none.sock"

@@ -97,11 +97,6 @@ def test_replay_as_quickly_as_the_limits_permit(table):
     assert json.loads(quick.stdout)["slower"] < 1.0
 
 
-def test_replay_refuses_what_holds_no_orientation(tmp_path):
-    (tmp_path / "a.csv").write_text("time,load\n0,1\n")
-    assert_refused(inside("replay", tmp_path / "a.csv", "--dry-run"), "no quaternion in the")
-
-
 def test_ctrl_c_ends_a_recording_while_the_interrupted_code_holds_its_lock(tmp_path):
     session = LiveRecording(tmp_path / "a.mcap")
     with ending(session, None):

@@ -2,7 +2,6 @@
 
 import pytest
 from authority import Authority
-from command_line import assert_refused, inside
 
 import orientd
 from orientd.client.channel import Way, certificate_files
@@ -107,12 +106,6 @@ def test_a_private_key_that_everybody_can_read_is_named(authority, caplog):
     assert caplog.messages == [
         f"every user can read the private key {key} (mode 644): chmod 600 it"
     ]
-
-
-def test_certificates_without_an_address_are_a_mistake_of_usage(monkeypatch):
-    monkeypatch.delenv("ORIENTD_ADDRESS", raising=False)
-    done = inside("status", "--cert", "ana.pem")
-    assert_refused(done, "--cert, --key and --ca need --address", status=2)
 
 
 def test_a_socket_whose_name_looks_like_a_host_is_a_socket(tmp_path, monkeypatch):
