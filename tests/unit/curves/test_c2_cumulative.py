@@ -148,51 +148,6 @@ def test_turns_are_whole_turns_about_the_step():
     assert np.sum(q[1:] * q[:-1], axis=1).min() > 0.99
 
 
-@pytest.mark.parametrize("turns", [[1], [0.5, 0], "ab", [[1, 2]], [np.nan, 0]])
-def test_turns_that_are_not_whole_numbers_are_refused(turns):
-    with pytest.raises(ValueError, match="turns must be a list of 2 whole numbers"):
-        C2(keys=walk(3, 1.0), turns=turns)
-
-
-def test_turns_between_equal_keyframes_have_no_axis():
-    keys = walk(3, 1.0)
-    keys[2] = keys[1]
-    with pytest.raises(ValueError, match=r"turns must be 0 .* got turns\[1\] = 1"):
-        C2(keys=keys, times="uniform", turns=[0, 1])
-
-
-@pytest.mark.parametrize(
-    ("given", "problem"),
-    [
-        ({"start": "free"}, "start must be one of 'natural', 'clamped', 'state', got 'free'"),
-        ({"end": 3}, "end must be one of"),
-        ({"start": "clamped"}, "omega_start must be given for start='clamped', got None"),
-        ({"end": "state", "omega_end": [0, 0, 0]}, "alpha_end must be given for end='state'"),
-        ({"omega_start": [1, 0, 0]}, "omega_start must be None with start='natural'"),
-        ({"alpha_end": [1, 0, 0]}, "alpha_end must be None .* use end='state'"),
-        ({"start": "clamped", "omega_start": [1, 0]}, "omega_start must be a vector of 3"),
-        ({"start": "clamped", "omega_start": [1, 0, np.inf]}, "omega_start must be a vector of 3"),
-        ({"align": 1}, "align must be True or False"),
-        ({"times": "equal"}, "times must be one of 'uniform', 'chord'"),
-        ({"times": [0, 1]}, "times must have one number for each of the 3 keyframes"),
-        ({"times": [0, 1, np.nan]}, "times must be finite"),
-        ({"times": [0, 2, 2]}, r"times must increase strictly, got times\[2\] = 2.0"),
-        ({"keys": [[1, 0, 0, 0]]}, "keys must be a list of at least 2 unit quaternions"),
-        ({"keys": [[1, 0, 0, 0], [1, 1, 0, 0]]}, r"keys\[1\] must have norm 1 within 1e-06"),
-    ],
-)
-def test_invalid_parameters_are_refused_by_name(given, problem):
-    with pytest.raises(ValueError, match=problem):
-        C2(**{"keys": walk(3, 1.0), **given})
-
-
-def test_equal_neighbours_have_no_chord_times():
-    keys = walk(3, 1.0)
-    keys[2] = -keys[1]
-    with pytest.raises(ValueError, match=r"keys\[1\] and keys\[2\] the same"):
-        C2(keys=keys, times="chord")
-
-
 def test_a_search_that_does_not_arrive_says_so():
     # A tenth of a millisecond for two radians asks for thousands of turns in its neighbours.
     with pytest.raises(PlanError, match="no spline of order 4 was found"):

@@ -24,14 +24,6 @@ def test_the_angle_of_the_notes_leaves_speed_jumps_of_half_the_speed():
     assert speed_jump(BLENDING(keys=keys, times="uniform", param="quadratic")) < 1e-11
 
 
-@pytest.mark.parametrize(("first", "second"), [(1, 2), (1, 3), (2, 3)])
-def test_a_circle_through_keyframes_that_are_the_same_is_refused(random_keys, first, second):
-    keys = random_keys(5)
-    keys[second] = -keys[first]
-    with pytest.raises(ValueError, match=rf"keys\[{first}\] and keys\[{second}\] the same"):
-        BLENDING(keys=keys, times="uniform")
-
-
 def test_keyframes_that_leave_no_first_tangent_are_said_to(random_keys):
     with pytest.raises(PlanError, match=r"weight .* negative"):
         ARCS(keys=random_keys(20), times="uniform")
@@ -71,25 +63,6 @@ def test_the_reparametrisation_makes_the_speed_continuous(random_keys):
     one, other = ARCS(**given, a1=1.0), ARCS(**given, a1=2.0)
     assert speed_jump(other) < 1e-11
     assert angle(one.evaluate([0.5])[0], other.evaluate([0.5])[0])[0] > 1e-2
-
-
-@pytest.mark.parametrize("a1", [0.0, -1.0, "even", np.inf])
-def test_a_ratio_that_is_not_positive_is_refused_by_name(random_keys, a1):
-    with pytest.raises(ValueError, match=r"^a1 must be"):
-        ARCS(keys=random_keys(3), times="uniform", a1=a1)
-
-
-@pytest.mark.parametrize("criterion", [12, "13", True])
-def test_a_criterion_that_is_none_is_refused_by_name(random_keys, criterion):
-    with pytest.raises(ValueError, match=r"^criterion must be 13 or 14"):
-        ARCS(keys=random_keys(3), times="uniform", criterion=criterion)
-
-
-def test_neighbours_that_are_the_same_are_refused(random_keys):
-    keys = random_keys(4)
-    keys[2] = keys[1]
-    with pytest.raises(ValueError, match=r"keys\[1\] and keys\[2\] the same"):
-        ARCS(keys=keys, times="uniform")
 
 
 def test_an_inner_point_given_for_the_other_signs_is_the_same_point(random_keys):

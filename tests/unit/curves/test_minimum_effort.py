@@ -262,26 +262,3 @@ def test_one_short_interval_among_long_ones_is_met(random_keys):
     curve = LEAST(keys=keys, times=times)
     assert angle(curve.evaluate(times)[0], keys).max() < 1e-9
     assert effort(curve) <= effort(C2(keys=keys, times=times)) * (1.0 + 1e-9)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"order": 3}, "order must be 4 to 6, got 3"),
-        ({"order": "4"}, "order must be a whole number"),
-        ({"smoothness": 3}, "smoothness must be 2, got 3"),
-        ({"order": 6, "smoothness": 1}, "smoothness must be 2 to 4, got 1"),
-        ({"spans": 1}, "spans must be 2 to 8, got 1"),
-        ({"inertia": [1.0, 2.0]}, "inertia must be three moments or"),
-        ({"inertia": [1.0, 2.0, -3.0]}, "inertia must be"),
-        ({"inertia": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}, "inertia must be"),
-        ({"inertia": "heavy"}, "inertia must be"),
-        ({"inertia": [1.0, np.nan, 1.0]}, "inertia must be"),
-        ({"start": "clamped"}, "omega_start must be given"),
-        ({"end": "state", "omega_end": [0, 0, 1]}, "alpha_end must be given"),
-        ({"omega_start": [0, 0, 1]}, "omega_start must be None"),
-    ],
-)
-def test_what_is_not_as_said_is_refused_by_name(random_keys, given, said):
-    with pytest.raises(ValueError, match=said):
-        LEAST(keys=random_keys(3), times="uniform", **given)

@@ -61,12 +61,6 @@ def test_a_third_makes_shoemakes_speed_that_of_the_neighbours(random_keys):
     assert np.abs(whole - 3.0 * third).max() < 1e-12
 
 
-@pytest.mark.parametrize("s", [0.0, -0.1, 1.5, "1/0", "third", np.nan])
-def test_a_shortening_that_is_none_is_refused_by_name(random_keys, s):
-    with pytest.raises(ValueError, match=r"^s must be"):
-        METHODS["shoemake_bezier"](keys=random_keys(3), times="uniform", s=s)
-
-
 @pytest.mark.parametrize("name", ["shoemake_bezier", "bezier_catmull_rom"])
 def test_bezier_splines_are_smooth_for_equal_intervals_only(random_keys, name):
     keys = random_keys(5)

@@ -86,12 +86,6 @@ def test_without_tension_the_nu_spline_is_the_normalised_cubic(random_keys):
         assert np.array_equal(a, b)
 
 
-@pytest.mark.parametrize("nu", [-1.0, [1.0, 2.0], "tight", [1.0, 2.0, -3.0], np.nan])
-def test_a_tension_that_is_none_is_refused_by_name(random_keys, nu):
-    with pytest.raises(ValueError, match=r"^nu must be"):
-        METHODS["nu_spline"](keys=random_keys(3), times="uniform", nu=nu)
-
-
 def test_a_spline_through_zero_is_said_to_have_no_direction():
     keys = [[1, 0, 0, 0], [-1, 0, 0, 0]]
     with pytest.raises(PlanError, match=r"passes through zero at t = 0\.5 s"):
