@@ -193,17 +193,6 @@ def test_disable_holds_and_enable_goes_on_from_there(gimbal):
     assert gimbal.goals() == goals
 
 
-def test_park_goes_there_then_lets_go(rig):
-    it = rig(park_deg=[10, -10, 0])
-    it.start()
-    sway(it, 1.0)
-    it.driver.disable()
-    it.driver.park()
-    assert not any(servo.is_torque_on for servo in it.bus.servos)
-    assert it.servo(1).shaft.position == pytest.approx(2048 + 10 / 360 * 4096, abs=41)
-    it.driver.close()
-
-
 def test_park_can_leave_it_holding(rig):
     it = rig(at_end="hold")
     it.start()
@@ -326,25 +315,6 @@ def test_jam_is_noticed_before_the_servo_gives_up(gimbal):
 def test_write_without_an_open_port_is_a_link_error(rig):
     with pytest.raises(LinkError, match="not open"):
         rig().driver.write(Setpoint(0, (1.0, 0.0, 0.0, 0.0)))
-
-
-def test_turns_lost_by_a_restart_are_known_again_after_reset(rig):
-    axes = [{"id": 1, "limits_deg": [-720, 720]}, {"id": 2, "limits_deg": [-90, 90]}]
-    it = rig("ZY", axes=axes)
-    it.start()
-    for k in range(401):
-        it.cycle([math.radians(k), 0.0])
-    for _ in range(60):
-        it.cycle()
-    servo = it.servo(1)
-    servo.disconnect(it.clock.now_ns())
-    servo.connect(it.clock.now_ns())
-    with pytest.raises((FeedbackError, DeviceFaultError)):
-        it.run(200)
-    it.clock.advance(1_000_000_000)
-    it.driver.disable()
-    it.driver.reset()
-    assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(400, abs=0.2)
 
 
 def test_servo_left_tripped_by_a_killed_process_does_not_set_off_again(rig):

@@ -10,7 +10,6 @@ from orientd.errors import (
     AxisFaultError,
     DeviceError,
     DeviceFaultError,
-    FeedbackError,
     LinkError,
 )
 from orientd_dynamixel.group import answer_bytes, cycle_bytes
@@ -548,16 +547,6 @@ def test_torque_is_left_alone_by_a_start(rig):
     assert torques(it) == [True, True, True]
     it.driver.enable()
     assert it.goals() == [2048, 2048, 2048]
-
-
-def test_losses_in_a_row_are_counted_one_by_one(rig):
-    it = rig(max_losses=7)
-    it.start()
-    it.run(5)
-    it.bus.faults.add(2, ReplyFault(FaultKind.DROP))
-    with pytest.raises(FeedbackError, match="7 readings lost in a row"):
-        it.run(100)
-    assert it.driver._group.lost == 7
 
 
 @pytest.mark.parametrize("fast_read", ["on", "off"])
