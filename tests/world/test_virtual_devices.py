@@ -3,15 +3,11 @@
 import os
 import shutil
 import signal
-import socket
-import struct
-import time
 
 import pytest
 from gimbal_bench import EmulatedGimbal, GimbalDaemon, await_hold, tap
 from harness import until
 from processes import World
-from robot_sockets import CONNECTING, SO_TIMESTAMPNS, create_connection, create_server
 from test_virtual_world import run
 from virtual_time import BEGIN_NS, Scheduler
 
@@ -61,43 +57,3 @@ def test_a_seed_repeats_every_byte(life, tmp_path):
     assert first == again
     # The cycles of a bus are the same; the seed decides in which of them something happens.
     assert life is arm_life or any(first != other for other in others)
-
-
-def test_connections_end_with_the_process_of_a_robot():
-    world = World(Scheduler("a"))
-
-    def live():
-        with EmulatedRobot("127.0.0.7") as robot:
-            dashboard = create_connection((robot.host, 29999))
-            assert b"Connected" in dashboard.recv(100)
-            robot.process.kill()
-            assert dashboard.recv(100) == b""
-            with pytest.raises(ConnectionRefusedError):
-                create_connection((robot.host, 29999))
-
-    run(world, live)
-
-
-def test_connections_to_robots_tell_when_bytes_arrived_in_virtual_time():
-    world = World(Scheduler("a"))
-
-    def live():
-        with create_server(("127.0.0.7", 1)) as server:
-            begun = time.monotonic()
-            receiver = create_connection(("127.0.0.7", 1))
-            assert time.monotonic() - begun == pytest.approx(CONNECTING, abs=1e-9)
-            receiver.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-            sender, _ = server.accept()
-            sent = []
-            for octets in (b"ab", b"cde"):
-                sender.sendall(octets)
-                sent.append(divmod(time.time_ns(), 10**9))
-                time.sleep(0.25)
-            for octets, at in ((b"a", sent[0]), (b"bcd", sent[1]), (b"e", sent[1])):
-                received, ((_, _, stamp),), _, _ = receiver.recvmsg(len(octets), 100)
-                assert (received, struct.unpack("qq", stamp)) == (octets, at)
-            sender.close()
-            assert receiver.recv(1) == b""
-            receiver.close()
-
-    run(world, live)

@@ -16,46 +16,52 @@ from orientd.stream.ring import RecordRing
 pytest.importorskip("mcap")
 
 
-def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypatch, caplog):
+@pytest.fixture
+def recorder():
+    """A recorder of a device that has done one cycle, and what ends its journal."""
+    settings, journal = config.default_settings(), Journal(kept=60.0)
+    device = FakeDevice(settings.devices["arm"])
+    recorder = module.FlightRecorder(settings, journal, {"arm": device})
+    ring = RecordRing(
+        memoryview(bytearray(RecordRing.bytes_needed(CYCLE_RECORD, 100))), CYCLE_RECORD, 100
+    )
+    ring.append(record_of(cycle()))
+    recorder.memory("arm", device.rate_hz).take(ring, is_last=True)
+    recorder.start()
+    yield recorder, device
+    recorder.close()
+    journal.close()
+
+
+def fault():
+    return DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns())
+
+
+def test_a_file_that_takes_its_time_does_not_hold_up_the_end(
+    recorder, tmp_path, monkeypatch, caplog
+):
     slow = tmp_path / "slow"
     slow.write_text("#!/bin/sh\nexec sleep 20\n")
     slow.chmod(0o755)
     monkeypatch.setattr(module.sys, "executable", str(slow))
     monkeypatch.setattr(module, "FINISHING", 0.3)
-    settings = config.default_settings()
-    journal = Journal(kept=60.0)
-    device = FakeDevice(settings.devices["arm"])
-    recorder = module.FlightRecorder(settings, journal, {"arm": device})
-    cycles = memoryview(bytearray(RecordRing.bytes_needed(CYCLE_RECORD, 100)))
-    ring = RecordRing(cycles, CYCLE_RECORD, 100)
-    ring.append(record_of(cycle()))
-    recorder.memory("arm", device.rate_hz).take(ring, is_last=True)
-    recorder.start()
-    recorder.on_event(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
-    recorder.close()
+    it, _ = recorder
+    it.on_event(fault())
+    it.close()
     assert "not written yet when the daemon ended" in caplog.text
-    journal.close()
-    (process,) = recorder.unfinished
+    (process,) = it.unfinished
     assert process.poll() is None
     process.kill()
     process.wait()
 
 
-def test_an_unexpected_error_is_told_and_later_faults_are_recorded(monkeypatch, caplog):
+def test_an_unexpected_error_is_told_and_later_faults_are_recorded(recorder, monkeypatch, caplog):
     monkeypatch.setattr(module, "AFTERWARDS", 0.0)
-    settings = config.default_settings()
-    journal, device = Journal(kept=60.0), FakeDevice(settings.devices["arm"])
-    recorder = module.FlightRecorder(settings, journal, {"arm": device})
-    cycles = memoryview(bytearray(RecordRing.bytes_needed(CYCLE_RECORD, 100)))
-    ring = RecordRing(cycles, CYCLE_RECORD, 100)
-    ring.append(record_of(cycle()))
-    recorder.memory("arm", device.rate_hz).take(ring, is_last=True)
+    it, device = recorder
     device.snapshot = lambda: 1 / 0
-    recorder.start()
     for _ in range(2):
-        recorder.on_event(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
-    recorder.close()
-    journal.close()
+        it.on_event(fault())
+    it.close()
     assert caplog.text.count("ZeroDivisionError: division by zero") >= 2
 
 
