@@ -3,8 +3,6 @@
 import contextlib
 import logging
 import os
-import subprocess
-import sys
 
 import pytest
 
@@ -91,17 +89,3 @@ def test_a_reader_who_is_gone_is_no_trouble():
     handler.close()
     assert handler.queue.empty()
     os.close(write)
-
-
-def test_a_process_whose_log_nobody_reads_ends(pipe):
-    code = f"""
-import logging
-from orientd.daemon.log import BackgroundHandler, writer
-logger = logging.getLogger()
-handler = BackgroundHandler(writer({pipe[1]}), print, most_waiting=1000)
-logger.addHandler(handler)
-for _ in range(1000):
-    logger.warning("x" * 1000)
-"""
-    ended = subprocess.run([sys.executable, "-c", code], pass_fds=pipe, timeout=60.0, check=False)
-    assert ended.returncode == 0
