@@ -163,10 +163,15 @@ def install_driver(site: Path, name: str, driver: str, text: str) -> None:
         driver: its class.
         text: of the module.
     """
-    entries = site / f"{name}-1.dist-info"
-    entries.mkdir(parents=True)
-    (entries / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
-    (entries / "entry_points.txt").write_text(f"[orientd.drivers]\n{name} = {name}:{driver}\n")
+    install(site, name, f"[orientd.drivers]\n{name} = {name}:{driver}\n", text)
+
+
+def install(site: Path, name: str, entries: str, text: str) -> None:
+    """Install a package of one module in a folder, with what its ``entry_points.txt`` has."""
+    described = site / f"{name}-1.dist-info"
+    described.mkdir(parents=True)
+    (described / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
+    (described / "entry_points.txt").write_text(entries)
     (site / f"{name}.py").write_text(text)
 
 

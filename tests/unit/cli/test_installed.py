@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from harness import install
 
 GREET = """
 import click
@@ -29,11 +30,7 @@ status = foreign:greet
 @pytest.fixture
 def orientd(tmp_path):
     """The command line beside a package with commands."""
-    (tmp_path / "foreign.py").write_text(GREET)
-    described = tmp_path / "foreign-1.0.dist-info"
-    described.mkdir()
-    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: foreign\nVersion: 1.0\n")
-    (described / "entry_points.txt").write_text(ENTRIES)
+    install(tmp_path, "foreign", ENTRIES, GREET)
 
     def run(*words, python=("-m", "orientd")):
         return subprocess.run(

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from harness import install
 
 RESOLVE = """
 def resolve(name, certificate, key, ca):
@@ -26,11 +27,7 @@ except DaemonError as error:
 @pytest.fixture
 def found(tmp_path):
     """Return where an address leads beside a package that resolves addresses."""
-    (tmp_path / "foreign.py").write_text(RESOLVE)
-    described = tmp_path / "foreign-1.0.dist-info"
-    described.mkdir()
-    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: foreign\nVersion: 1.0\n")
-    (described / "entry_points.txt").write_text(ENTRIES)
+    install(tmp_path, "foreign", ENTRIES, RESOLVE)
 
     def find(address):
         return subprocess.run(
