@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from sgp4.api import WGS72, Satrec
-from sgp4.exporter import export_tle
 
 EARTH, FLATTENING = 6378.137, 1.0 / 298.257223563
 MU = 0.0743669161  # sqrt(GM) in earth radii and minutes
@@ -80,29 +79,6 @@ def below(satellite, minute, rng):
     latitude = math.atan(z / math.hypot(x, y) / (1 - FLATTENING) ** 2)
     aside = rng.uniform(-0.08, 0.08, 2)
     return math.degrees(latitude) + aside[0], math.degrees(math.atan2(y, x)) + aside[1]
-
-
-def at_highest(one, when):
-    """Return the orbit of a pass, moved so that it is highest at a time.
-
-    The orbit keeps its place over the earth: its node turns as far as the earth does meanwhile.
-
-    Args:
-        one: the pass.
-        when: s since the epoch of Unix.
-
-    Returns:
-        The satellite as its two-line elements have it, and their two lines.
-    """
-    old, epoch = one.satellite, when / 86400.0 + 2440587.5 - one.peak / 1440.0
-    moved = Satrec()
-    turn = sidereal(epoch) - sidereal(old.jdsatepoch + old.jdsatepochF)
-    moved.sgp4init(
-        WGS72, "i", old.satnum, epoch - 2433281.5, old.bstar, 0.0, 0.0, old.ecco, old.argpo,
-        old.inclo, old.mo, old.no_kozai, (old.nodeo + turn) % (2.0 * math.pi),
-    )  # fmt: skip
-    lines = export_tle(moved)
-    return Satrec.twoline2rv(*lines), lines
 
 
 def passes(count, seed=1):

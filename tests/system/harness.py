@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
-import resource
 import signal
 import socket as sockets
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -468,19 +466,6 @@ def run_first(pid: int) -> None:
 def children(pid: int) -> set[int]:
     """Return the running processes that any thread of *pid* has started."""
     return MACHINE.children(pid)
-
-
-@contextlib.contextmanager
-def without_descriptors(pid: int) -> Iterator[None]:
-    """Let a process open no more descriptors within the context."""
-    used = {int(name) for name in os.listdir(f"/proc/{pid}/fd")}
-    free = next(number for number in itertools.count() if number not in used)
-    soft, hard = resource.prlimit(pid, resource.RLIMIT_NOFILE)
-    resource.prlimit(pid, resource.RLIMIT_NOFILE, (free, hard))
-    try:
-        yield
-    finally:
-        resource.prlimit(pid, resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def resident_kib(pid: int, kind: str = "VmRSS") -> int:

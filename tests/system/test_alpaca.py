@@ -13,7 +13,7 @@ from urllib.parse import urlencode
 import pytest
 from command_line import assert_refused, begin, orientd
 from gimbal_bench import GimbalDaemon, await_hold
-from harness import DEVICE, DaemonProcess, until, without_descriptors
+from harness import DEVICE, DaemonProcess, until
 
 from orientd import connect
 from orientd.protocol import control_pb2 as pb
@@ -485,24 +485,6 @@ def test_a_server_forgets_the_clients_that_were_silent_for_longest(served):
     assert is_connected(40)
 
 
-@pytest.mark.real
-def test_a_server_without_descriptors_hangs_up_and_goes_on(daemon):
-    with alpaca(daemon) as served, http_connection(served) as connection:
-
-        def answers(one):
-            one.request("GET", "/management/apiversions")
-            return one.getresponse().read()
-
-        assert answers(connection)
-        with without_descriptors(served.process.pid):
-            for _ in range(2):
-                with http_connection(served) as other, pytest.raises(ConnectionError):
-                    answers(other)
-            assert answers(connection)
-        with http_connection(served) as other:
-            assert answers(other)
-
-
 def test_management_describes_the_devices(served):
     assert management.apiversions(served.address) == [1]
     assert management.description(served.address)["ServerName"] == "orientd"
@@ -609,20 +591,6 @@ def test_a_discovery_port_in_use_is_one_clear_line(daemon):
             "serve", "alpaca", "--port", 0, "--discovery", port, "--socket", daemon.socket
         )
     assert_refused(done, f"UDP port {port} is in use", "--discovery")
-
-
-def test_a_port_in_use_is_one_clear_line(daemon):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        done = orientd(
-            "serve", "alpaca", "--port", port, "--discovery", 0, "--socket", daemon.socket
-        )
-    assert_refused(done, f"port {port} is in use", "--port")
-
-
-def test_an_address_of_another_machine_is_one_clear_line(daemon):
-    done = orientd("serve", "alpaca", "--host", "192.0.2.1", "--socket", daemon.socket)
-    assert_refused(done, "cannot serve at 192.0.2.1", "--host")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -1,4 +1,4 @@
-"""A gimbal whose servos are blocked, misread or start again: what the commands and Python say."""
+"""A gimbal whose servos are blocked: what the commands and Python say."""
 
 import json
 
@@ -49,15 +49,3 @@ def test_blocked_shaft_is_told_by_exit_status_json_and_python(bus, daemon, tmp_p
         summary = robot.move([keyframe], approach=True).wait(20)
         assert summary.outcome == pb.OUTCOME_FAULT
         assert "has not arrived" in summary.text
-
-
-def test_servo_that_misreads_a_tick_is_a_fault_in_which_nothing_moves(bus, daemon, tmp_path):
-    bus.tell("misread 1 4095 -4095")
-    orientd("move", motion(tmp_path, 179.91), "--socket", daemon.socket)
-    with connect(daemon.socket) as robot:
-        until(lambda: robot.state().devices["gimbal"].state == pb.STATE_FAULT, "the fault")
-        robot.stop()
-        assert bus.state(1)["goal"] == 4095
-        robot.disable("gimbal")
-        assert robot.state().devices["gimbal"].state == pb.STATE_FAULT
-    assert bus.state(1)["goal"] == 4095

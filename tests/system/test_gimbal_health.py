@@ -1,4 +1,4 @@
-"""The health of servos, from their bus to those who look: status, metrics, recordings, the log."""
+"""The health of servos, from their bus to those who look: status, metrics, recordings."""
 
 import re
 import urllib.request
@@ -87,12 +87,3 @@ def test_servos_that_are_powered_later_are_found_then(bus, daemon):
     assert daemon.process.stdout.readline().startswith("ready")
     with connect(daemon.socket) as robot:
         assert word(robot.state().devices["gimbal"], "state") == "holding"
-
-
-def test_what_was_overwritten_before_a_failed_start_is_logged(bus, tmp_path):
-    name = 'name = "pitch"'
-    daemon = GimbalDaemon(tmp_path, bus.link, (name, f"{name}\ncurrent_limit = 3.9"))
-    daemon.start()
-    _, log = daemon.end()
-    assert "A at most, current_limit is 3.9 A" in log
-    assert "WARNING gimbal: warning: servo 1 (yaw): operating mode 3 is set to 4" in log

@@ -1,4 +1,4 @@
-"""`orientd serve`: the promises of every adapter, tried with rotctld."""
+"""`orientd serve`: the promises of every adapter, tried with one or two of them."""
 
 import signal
 import socket
@@ -24,17 +24,21 @@ def test_a_device_that_is_not_there_is_one_clear_line(daemon):
     assert_refused(done, f"expected one of {DEVICE}, got 'leg'")
 
 
-def test_a_port_in_use_is_one_clear_line(daemon):
+SERVERS = {"rotctld": (), "alpaca": ("--discovery", 0)}
+
+
+@pytest.mark.parametrize("protocol", SERVERS)
+def test_a_port_in_use_is_one_clear_line(daemon, protocol):
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        done = orientd("serve", "rotctld", "--port", port, "--socket", daemon.socket)
-    assert_refused(done, f"port {port} is in use", "--port")
+        at = ("--port", taken.getsockname()[1], "--socket", daemon.socket)
+        done = orientd("serve", protocol, *SERVERS[protocol], *at)
+    assert_refused(done, f"port {at[1]} is in use", "--port")
 
 
-def test_an_address_of_another_machine_is_one_clear_line(daemon):
-    done = orientd(
-        "serve", "rotctld", "--host", "192.0.2.1", "--port", 0, "--socket", daemon.socket
-    )
+@pytest.mark.parametrize("protocol", SERVERS)
+def test_an_address_of_another_machine_is_one_clear_line(daemon, protocol):
+    at = ("--host", "192.0.2.1", "--port", 0, "--socket", daemon.socket)
+    done = orientd("serve", protocol, *SERVERS[protocol], *at)
     assert_refused(done, "cannot serve at 192.0.2.1", "--host")
 
 

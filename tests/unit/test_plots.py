@@ -42,12 +42,3 @@ def test_what_was_sent_is_drawn(tmp_path, has_feedback):
     path = tmp_path / "sent.svg"
     plots.draw_sent(path, traces, timing, title="sent")
     assert ("tracking error" in path.read_text()) is has_feedback
-
-
-@pytest.mark.parametrize(
-    ("name", "complaint"), [("motion.nonsense", "must end in"), ("no/where.png", "cannot write")]
-)
-def test_what_cannot_be_written_is_said_in_one_line(tmp_path, name, complaint):
-    with pytest.raises(OrientdError, match=complaint) as caught:
-        plots.draw(motion(), tmp_path / name, title="a motion")
-    assert "\n" not in str(caught.value)

@@ -1,11 +1,9 @@
 """The world of the tests: one seed decides everything, and a killed process is gone."""
 
-import gc
 import hashlib
 import os
 import shutil
 import signal
-from pathlib import Path
 
 import grpc
 import harness
@@ -95,28 +93,6 @@ def test_a_planner_that_is_killed_or_stands_still_is_replaced(tmp_path, number):
     run(World(Scheduler("a")), live)
     late = grpc.StatusCode.DEADLINE_EXCEEDED
     assert set(problems) == ({late} if number == signal.SIGSTOP else set())
-
-
-def memories_and_pipes():
-    """Return how many this process has open."""
-    entries = [entry for entry in Path("/proc/self/fd").iterdir() if entry.is_symlink()]
-    return sum(str(entry.readlink()).startswith(("/memfd:", "pipe:")) for entry in entries)
-
-
-def test_a_killed_process_leaves_no_memory_and_no_pipe_open(tmp_path):
-    gc.collect()  # what earlier tests have left
-    before = memories_and_pipes()
-
-    def live():
-        with DaemonProcess(tmp_path) as daemon:
-            *_, last = daemon.move(nudge(0.1))
-            assert last.summary.outcome == pb.OUTCOME_DONE
-            assert memories_and_pipes() > before
-            os.kill(daemon.device().servo_pid, signal.SIGKILL)
-            daemon.process.kill()
-
-    run(World(Scheduler("a")), live)
-    assert memories_and_pipes() == before
 
 
 def test_a_test_that_waits_for_ever_fails_with_the_place_where_it_waits():

@@ -65,12 +65,6 @@ def test_a_path_that_folds_back_is_followed(seed):
     assert_interpolates_smoothly(C2(keys=keys, times=times), keys, times)
 
 
-@pytest.mark.parametrize("step", [0.01, 1.0, 3.0])
-def test_a_thousand_keyframes(step):
-    keys, times = walk(1000, step), np.cumsum(np.random.default_rng(0).uniform(0.8, 1.2, 1000))
-    assert_interpolates_smoothly(C2(keys=keys, times=times), keys, times)
-
-
 @pytest.mark.parametrize("place", [0, 500, 1000, 1980])
 def test_a_path_that_folds_back_in_a_long_system_is_followed_by_itself(place):
     folds = walk(20, np.radians(178), 13)

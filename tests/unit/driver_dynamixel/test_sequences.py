@@ -175,37 +175,6 @@ def three_axes(**options):
     return Sequence("ZYX", [(-270, 270), (-100, 100), (-120, 120)], **options)
 
 
-@pytest.mark.parametrize("allow_slews", [False, True])
-@pytest.mark.parametrize("onward", [(0, 45), (100, 5), (100, 90), (-150, 30), "home"])
-def test_two_axes_go_on_from_the_zenith_and_home(onward, allow_slews):
-    it = two_axes(allow_slews=allow_slews)
-    it.point((100, 90))
-    if onward == "home":
-        it.home()
-        assert it.degrees == pytest.approx([0, 0], abs=1e-3)
-        return
-    it.point(onward)
-    if onward[1] < 90:
-        azimuth, elevation = onward
-        assert it.degrees == pytest.approx([azimuth, -elevation], abs=1e-3)
-    it.home()
-
-
-@pytest.mark.parametrize("allow_slews", [False, True])
-def test_three_axes_go_on_from_the_zenith_and_home(allow_slews):
-    it = three_axes(allow_slews=allow_slews)
-    it.point((0, 90))
-    it.point((100, 5))
-    it.home()
-    assert it.degrees == pytest.approx([0, 0, 0], abs=1e-3)
-
-
-def test_home_from_an_azimuth_at_the_zenith():
-    it = three_axes().stand(100, -90, 0)
-    it.home()
-    assert it.degrees == pytest.approx([0, 0, 0], abs=1e-3)
-
-
 @pytest.mark.parametrize("make", [two_axes, three_axes])
 def test_keyframes_without_times_go_on_from_the_pole_and_over_it(make):
     it = make().stand(*[100, -90, 0][: 2 + (make is three_axes)])

@@ -4,21 +4,20 @@ import threading
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from recorded import OFFSET_NS, RATE_HZ, decoded, moving
 
 from orientd.client.observer import Configuration
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.reader import load_recording
 from orientd.recorder.session import DaemonRecorder, LiveRecording, RecordingSession
-from orientd.recorder.writer import RecordingError, RecordingWriter
+from orientd.recorder.writer import RecordingWriter
 
 
 class Daemon:
     """A daemon with the devices arm and leg that has batches of cycles, and then nothing new."""
 
-    def __init__(self, batches, events=(), *, error=None):
-        self.batches, self._events, self._error = batches, events, error
+    def __init__(self, batches, events=()):
+        self.batches, self._events = batches, events
         self.closed = threading.Event()
         self.served = threading.Semaphore(0)
 
@@ -38,8 +37,6 @@ class Daemon:
         for table, lost in self.batches.get(device, ()):
             yield table.tobytes(), lost
         self.served.release()
-        if self._error is not None:
-            raise self._error
         self.closed.wait()
 
     def events(self):
@@ -115,13 +112,3 @@ def test_only_the_devices_that_are_named_are_recorded(tmp_path):
     recording = load_recording(tmp_path / "a.mcap")
     assert set(recording.cycles) == {"leg"}
     assert recording.events == events()[1:]
-
-
-def test_a_daemon_that_is_lost_ends_the_recording_with_what_there_is(tmp_path):
-    lost = RecordingError("the daemon is lost")
-    daemon = Daemon({"arm": [(moving(20), 0)]}, error=lost)
-    session = RecordingSession(daemon, tmp_path / "a.mcap", ["arm"])
-    with pytest.raises(RecordingError, match="the daemon is lost"):
-        session.run()
-    assert daemon.closed.is_set()
-    assert len(load_recording(tmp_path / "a.mcap").cycles["arm"]) == 20

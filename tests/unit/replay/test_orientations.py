@@ -548,17 +548,6 @@ def test_topics_without_orientations_are_named_with_their_types(tmp_path):
     )
 
 
-@pytest.mark.parametrize("name", ["turn.png", "report.json", "a.mcap"])
-def test_a_file_of_another_kind_is_told_which_kinds_are_read(tmp_path, name):
-    path = tmp_path / name
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" if name == "turn.png" else b"{}")
-    assert_refused(
-        inside("replay", path, "--dry-run"),
-        f"{path}: not an MCAP file; expected a .mcap, .csv, .tum or .txt file, or a ROS 2 bag (its "
-        "folder or a .db3 file)",
-    )
-
-
 def test_a_recording_of_others_cannot_be_exported(tmp_path):
     path = json_file(tmp_path / "a.mcap", [{"stamp": 1.0, "q": named(Q[0])}])
     done = inside("export", path, "-o", tmp_path / "a.csv")

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import re
-import socket
 import threading
 import urllib.request
 
@@ -110,13 +109,6 @@ def test_more_pages_than_a_server_may_have_are_refused(server):
             hear(stack.enter_context(page(server)), "number")
         with pytest.raises(InvalidStatus, match="503"), page(server):
             pass
-
-
-def test_a_port_in_use_is_refused_and_no_other_taken(source):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        with pytest.raises(DaemonError, match=f"port {port} is in use"):
-            PageServer("127.0.0.1", port, source)
 
 
 def test_an_address_of_another_machine_is_refused(source):
