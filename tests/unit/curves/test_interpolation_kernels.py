@@ -6,13 +6,9 @@ import pytest
 import scipy.linalg
 
 from orientd import kernels
-from orientd.curves import METHODS
-from orientd.curves.basis import cumulative_basis
 from orientd.curves.keyframes import increments
 from orientd.curves.newton import solve_banded
 from orientd.rotation import between
-
-ENDS = ["natural", "clamped", "state"]
 
 
 @pytest.mark.parametrize("lower", [0, 1, 4])
@@ -36,28 +32,6 @@ def test_a_singular_banded_system_is_refused(value):
     band[:, 3] = value
     with pytest.raises(np.linalg.LinAlgError):
         solve_banded(1, 1, band, np.ones(6))
-
-
-@pytest.mark.parametrize("start", ENDS)
-@pytest.mark.parametrize("end", ENDS)
-@pytest.mark.parametrize("count", [2, 3, 4, 40])
-def test_the_functions_are_those_of_the_cumulative_basis(random_keys, start, end, count):
-    rng = np.random.default_rng(count)
-    given = {
-        f"{quantity}_{side}": 0.3 * rng.normal(size=3)
-        for side, condition in (("start", start), ("end", end))
-        for quantity in {"natural": (), "clamped": ("omega",)}.get(condition, ("omega", "alpha"))
-    }
-    times = np.cumsum(rng.choice([0.3, 1.0, 2.0], count))
-    curve = METHODS["c2_cumulative"](
-        keys=random_keys(count, 0.7), times=times, start=start, end=end, **given
-    )
-    breaks, (_, first, increments, values) = curve.knots, curve.parts
-    knots = np.concatenate([np.repeat(breaks[0], 3), breaks, np.repeat(breaks[-1], 3)])
-    basis = cumulative_basis(knots, 4)
-    assert values == pytest.approx(basis.values, rel=1e-13, abs=1e-15)
-    assert np.array_equal(first, basis.first - 1)
-    assert len(increments) == first[-1] + 3
 
 
 def test_steps_have_all_digits_at_both_sides_of_every_seam():

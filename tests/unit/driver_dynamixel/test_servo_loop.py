@@ -1,7 +1,5 @@
 """The real servo loop with the gimbal driver: faults are typed, held, and reset recovers."""
 
-import math
-
 import numpy as np
 import pytest
 from rig import PERIOD
@@ -27,16 +25,6 @@ def turning(seconds=2.0):
     q[:, 0], q[:, 3] = np.cos(angle / 2), np.sin(angle / 2)
     axis = np.array([0.0, 0.0, 1.0])
     return q, rate[:, None] * axis, change[:, None] * axis
-
-
-def test_motion_is_streamed_to_its_end(loop):
-    loop.start(turning())
-    loop.run_until(lambda servo: servo.state is ServoState.HOLDING)
-    loop.run(100)
-    assert loop.driver._group.lost == 0
-    yaw = (loop.gimbal.goals()[0] - 2048) * 2 * math.pi / 4096
-    assert yaw == pytest.approx(0.8, abs=0.001)
-    assert 2 * math.asin(loop.cycle.feedback_q[3]) == pytest.approx(0.8, abs=0.001)
 
 
 CAUSES = {
@@ -66,11 +54,3 @@ def test_fault_in_the_middle_is_typed_held_and_reset(loop, cause):
     assert loop.cycle.state is ServoState.HOLDING
     assert loop.cycle.fault == 0
     assert all(servo.is_torque_on for servo in loop.gimbal.bus.servos)
-
-
-def test_lost_readings_do_not_disturb_the_motion(loop):
-    loop.gimbal.bus.faults.add(1, ReplyFault(FaultKind.DROP, probability=0.05))
-    loop.start(turning())
-    loop.run_until(lambda servo: servo.state is ServoState.HOLDING)
-    assert loop.driver._group.lost > 3
-    assert loop.cycle.fault == 0
