@@ -1,6 +1,7 @@
 """The driver without the daemon: its feedback, its setpoints, its faults and how they end."""
 
 import math
+import re
 import threading
 import time
 from contextlib import suppress
@@ -295,6 +296,15 @@ def test_joint_that_stays_away_from_its_command_is_a_fault_once(ur_robot, angle)
             ur_robot.ask("unblock 6")
             ur_robot.wait_until(lambda s: abs(lag(s, 6)) < 1e-6)
             stream.start()
+
+
+def test_joints_that_stay_away_are_all_named(ur_robot):
+    with stream_of(ur_robot.host) as stream:
+        stream.run(0.05)
+        for joint, angle in ((1, 0.2), (6, 0.1)):
+            ur_robot.ask(f"block {joint} {angle}")
+        text = fault_while(stream.read_for, AxisFaultError)
+    assert re.match(r"joint base .* 11\.5 deg .*; joint wrist 3 .* 5\.7 deg", text), text
 
 
 def test_arm_that_is_guided_by_hand_or_disabled_is_not_judged(ur_robot):
