@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from harness import DEVICE, DaemonProcess, until, without_descriptors
+from harness import DEVICE, DaemonProcess, until
 from rotator import Client, rotctld
 
 from orientd.client import connect
@@ -216,22 +216,6 @@ def test_a_server_has_so_many_clients_and_no_more(daemon):
         assert not is_served(client.port)
         client.position()
         others[3].close()
-        until(lambda: is_served(client.port), "another client to be served")
-
-
-@pytest.mark.real
-def test_a_server_without_descriptors_hangs_up_and_goes_on(daemon):
-    with rotctld(daemon) as client:
-        client.position()
-        # A server that waits for a client has the descriptor for it.
-        with (
-            without_descriptors(client.server.pid),
-            contextlib.closing(Client(client.port)) as last,
-        ):
-            last.position()
-            assert not is_served(client.port)
-            assert not is_served(client.port)
-            client.position()
         until(lambda: is_served(client.port), "another client to be served")
 
 

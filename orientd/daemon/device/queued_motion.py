@@ -161,6 +161,6 @@ class QueuedMotion:
 
     def let_go(self) -> None:
         """Note that it has ended: it is fed no more, and measured up to here."""
-        self.feeder = None
+        self.feeder, self.is_running = None, False
         if self.meter is not None:
             self.meter.end()

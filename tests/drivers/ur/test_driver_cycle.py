@@ -302,7 +302,7 @@ def test_joints_that_stay_away_are_all_named(ur_robot):
     with stream_of(ur_robot.host) as stream:
         stream.run(0.05)
         for joint, angle in ((1, 0.2), (6, 0.1)):
-            ur_robot.ask(f"block {joint} {angle}")
+            hold_away(ur_robot, joint, angle)
         text = fault_while(stream.read_for, AxisFaultError)
     assert re.match(r"joint base .* 11\.5 deg .*; joint wrist 3 .* 5\.7 deg", text), text
 

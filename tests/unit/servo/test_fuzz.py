@@ -358,6 +358,11 @@ def test_no_order_of_events_breaks_anything(seed):
     check(250, seed)
 
 
+def test_motions_that_begin_again_after_a_rest_may_come_too_late_for_each_other():
+    # One is replaced shortly before it ends, in the cycles in which the servo comes to rest.
+    check(500, 34)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(86_400)
 def test_no_order_of_a_great_many_events_breaks_anything():
