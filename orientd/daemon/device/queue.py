@@ -41,6 +41,9 @@ _FEED_TIME = 0.25
 STOPPED = "stopped on its path"
 """Text of a motion that was stopped, if there is no more to say of it than why."""
 
+LEFT = "the servo has left it for a motion that it had seemed not to take: its answer came too late"
+"""Text of a motion that the servo left without the daemon's knowledge."""
+
 
 class MotionQueue:
     """The motions of a device, in order; the servo is on one of them or on its way to the first.
@@ -383,8 +386,14 @@ class MotionQueue:
         if cycle is None or (cycle.state is ServoState.FAULT and not fault_text):
             return  # the reason for a fault of this very moment comes before the next look
         self._endings.leave(self.passed(cycle), self.first, cycle)
-        if self._reaches(cycle) and cycle.state not in MOVING:
+        is_on_first = self._reaches(cycle)
+        if cycle.state in MOVING or not self._motions:
+            return
+        if is_on_first:
             self._come_to_rest(cycle, fault_text)
+        elif cycle.motion > self.last.number:
+            self.is_paused = False
+            self.drop(fault_text or LEFT)
 
     def _reaches(self, cycle: Cycle) -> bool:
         """Note how far along the first motion the device is; return whether it is on it."""

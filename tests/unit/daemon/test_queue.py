@@ -10,7 +10,7 @@ from orientd import planner, rotation
 from orientd.daemon.device.event import EventKind
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
-from orientd.errors import LateError, NotYetError
+from orientd.errors import DaemonError, LateError, NotYetError
 from orientd.servo.path.time_scaling import records_to_stop
 from orientd.stream.memory import SharedMemory
 from orientd.stream.records import ServoState
@@ -93,6 +93,29 @@ def test_a_stop_between_two_motions_stops_only_the_second_one(link):
     )
     motion_queue.tend()
     assert told == [(EventKind.MOTION_DONE, 1), (EventKind.MOTION_STOPPED, 2)]
+
+
+def test_a_motion_that_the_servo_has_left_for_one_whose_answer_was_late_has_ended(link):
+    told = []
+    motion_queue = MotionQueue(link, lambda *what: told.append(what), lead=0.0, read_ahead=700)
+    first = turn(0.5)
+    motion_queue.begin(QueuedMotion(first, number=1))
+    link.refusal = DaemonError("the servo did not answer splice within 0.5 s")
+    second = QueuedMotion(turn(0.5, state_at(first, 20).q), number=2)
+    with pytest.raises(DaemonError):
+        motion_queue.replace(second, SplicePoint(1, 20))
+    link.refusal = None
+    place = SimpleNamespace(path_index=40, path_fraction=0.0, flags=0, index=40)
+    for motion, state in ((1, ServoState.STREAMING), (2, ServoState.STREAMING)):
+        link.now = SimpleNamespace(motion=motion, state=state, **vars(place))
+        motion_queue.tend()
+        assert motion_queue.is_active
+    link.now = SimpleNamespace(motion=2, state=ServoState.HOLDING, **vars(place))
+    motion_queue.tend()
+    assert not motion_queue.is_active
+    ((kind, queued, text),) = told
+    assert (kind, queued.number) == (EventKind.MOTION_STOPPED, 1)
+    assert "its answer came too late" in text
 
 
 @pytest.mark.parametrize("acceleration", [0.5, 2.0, 5.0, 8.0, 11.0, 14.0, 20.0])
