@@ -103,9 +103,7 @@ def time_quickest(
     limits: Floats,
     move_limits: Floats,
     period: float,
-    total: float,
     known: Floats,
-    slower: float,
     /,
 ) -> tuple[bytes, bytes] | bool: ...
 

@@ -30,7 +30,7 @@ from orientd.planner.state import State
 from orientd.planner.timing.even import evenly_made, evenly_paced
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME, Knots
-from orientd.planner.timing.profiles import corners, lasting, quickest
+from orientd.planner.timing.profiles import corners, quickest
 from orientd.rotation import Floats, angle
 
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
@@ -324,11 +324,12 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
         if tried.best is not None:
             return
     least, most = resting.times_with_rests(job)
-    longest = min(_FAR_LONGER * most, LONGEST)
-    curve = partial(_along_usual_curve, job, name, longest=longest)
-    tried.attempt("the quickest timing", curve)
-    if tried.best is not None and (total is not None or tried.took_keyframes <= least):
-        return
+    if total is None:
+        longest = min(_FAR_LONGER * most, LONGEST)
+        curve = partial(_along_usual_curve, job, name, longest=longest)
+        tried.attempt("the quickest timing", curve)
+        if tried.best is not None and tried.took_keyframes <= least:
+            return
     connecting = "connectors at the ends"
     try:
         connectors = resting.Connectors.of(job)
@@ -495,7 +496,9 @@ def _timed(job: PlanJob, path: KeyframePath, name: str, *, has_rests: bool = Tru
         known = None if quick.profile is None else quick.profile.rows
         if total is None:
             return quick
-        return lasting(path, quick, limits, period, total)
+        if not quick.is_from_rest_to_rest:
+            raise PlanError(f"no timing of {total:g} s keeps the velocities at the ends")
+        return quick.lasting(total)
 
     certify, has_lead_in = partial(job.motion, name=name), job.request.approach
     return timed(make, certify, job.limits, has_lead_in=has_lead_in)

@@ -14,7 +14,6 @@ enum {
     FEWEST_ROUNDS = 2,
     BUDGET = 420,           /* elements of all rounds together */
     BUDGET_OF_INTERVAL = 5, /* and for each interval between knots */
-    REPAIRS = 4,            /* attempts to have no squared rate below zero between the nodes */
     PIECES_OF_INTERVAL = 10,
     FEWEST_PIECES = 100,    /* of all intervals together */
     MANY_PARTS = 64,        /* of which each is found a little less exactly, in half the time */
@@ -40,7 +39,6 @@ enum { GAPS = sizeof gaps / sizeof *gaps };
 #define GIVEN 1.0002        /* share of a limit that is used where an end is at it */
 #define OVER 1.0005         /* share of a limit that is worth another round */
 #define EASE 3.0            /* one over the share of the mesh near an end that moves */
-#define NEARLY 0.994        /* of a total: the rest slows the path down inside */
 #define ROUNDING 1e-13
 #define WHOLE 1e-9          /* of a period */
 
@@ -222,18 +220,6 @@ static void aim_lower(const mesh_t *mesh) {
     }
 }
 
-/* Aim at a slower pace, but not where an end moves. */
-static void slow_inside(const part_t *part, const mesh_t *mesh, double factor) {
-    const double *x = row(mesh, PLACES);
-    for (index_t e = 0; e < mesh->n; e++) {
-        double share = 0.5 * (x[e] + x[e + 1]) / x[mesh->n];
-        double slower = 1.0 + (factor - 1.0) * away_from(part->moves, share);
-        row(mesh, AIMS)[e] *= slower;
-        row(mesh, AIMS + 1)[e] *= slower * slower;
-        row(mesh, AIMS + 2)[e] *= slower * slower * slower;
-    }
-}
-
 static bool is_one_of_many(const part_t *part) { return part->asked->edges.n > MANY_PARTS; }
 
 static index_t pieces_of(index_t intervals, bool is_one_of_many) {
@@ -395,32 +381,6 @@ static bool dips(const mesh_t *mesh, index_t e) {
     return inner <= 0.0 && inner * inner >= y[e] * y[e + 1];
 }
 
-/* Cut elements in which the squared rate dips below zero, with coefficients above it. */
-static int repair(const part_t *part, mesh_t *mesh) {
-    index_t *pieces = malloc((size_t)mesh->n * sizeof *pieces);
-    mesh_t finer = {{NULL, 0, 0}, 0};
-    int found = OUT_OF_MEMORY;
-    if (pieces != NULL) {
-        double *c = row(mesh, COEFFICIENTS), before = INFINITY;
-        for (index_t e = 0; e < mesh->n; e++)
-            pieces[e] = dips(mesh, e) ? MOST_CUTS : 1;
-        aim_lower(mesh);
-        for (index_t i = 0; i < mesh->n + 2; i++) {
-            double here = c[i], after = i < mesh->n + 1 ? c[i + 1] : INFINITY;
-            if (here <= 0.0)
-                c[i] = fmin(before > 0.0 ? before : INFINITY, after > 0.0 ? after : INFINITY);
-            before = c[i];
-        }
-        put_nodes(mesh);
-        if (cut(mesh, pieces, &finer)) {
-            take_mesh(mesh, finer);
-            found = solve(part, mesh, true, 1.0, LAST_GAP);
-        }
-    }
-    free(pieces);
-    return found;
-}
-
 static bool has_dips(const mesh_t *mesh) {
     for (index_t e = 0; e < mesh->n; e++)
         if (dips(mesh, e))
@@ -515,50 +475,40 @@ static void stretch(const part_t *part, mesh_t *mesh, double total, const double
     }
 }
 
-static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
-    bool is_improved = begin.known.n > 0;
+static int time_part(const part_t *part, matrix_t known, mesh_t *mesh) {
     int found = PROFILE_NOT_FOUND;
-    if (is_improved) {
-        index_t size = begin.known.m;
-        if (!new_mesh(mesh, size - 2))
+    if (known.n > 0) {
+        if (!new_mesh(mesh, known.m - 2))
             return OUT_OF_MEMORY;
-        memcpy(mesh->rows.v, begin.known.v, (size_t)(PROFILE_ROWS * size) * sizeof(double));
+        memcpy(mesh->rows.v, known.v, (size_t)(PROFILE_ROWS * known.m) * sizeof(double));
         aim_lower(mesh);
-        bool is_slower = begin.slower != 1.0;
-        if (is_slower)
-            slow_inside(part, mesh, begin.slower);
-        found = solve(part, mesh, !is_slower, is_slower ? 1.0 : AGAIN * LAST_GAP, LAST_GAP);
+        found = solve(part, mesh, true, AGAIN * LAST_GAP, LAST_GAP);
     }
     /* A known profile may be useless for other limits. */
-    if (!is_improved || (found == PROFILE_NOT_FOUND && begin.slower == 1.0)) {
+    if (found == PROFILE_NOT_FOUND) {
         free(mesh->rows.v);
         if (!first_mesh(part, mesh))
             return OUT_OF_MEMORY;
         found = search(part, mesh);
     }
-    for (int k = 0; k < REPAIRS && found == PROFILE_FOUND && has_dips(mesh); k++)
-        found = repair(part, mesh);
     if (found != PROFILE_FOUND)
         return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : NO_WAY;
     if (has_dips(mesh))
         return STANDS_STILL;
-    double took = row(mesh, TIMES)[mesh->n], total = part->asked->total;
-    bool is_asked = total > 0.0;
-    if (!is_asked)
-        total = part->moves[1] ? ceil(took / part->asked->period - WHOLE) * part->asked->period : took;
-    if (total != took && (part->moves[0] || part->moves[1])
-        && (!is_asked || (NEARLY * total <= took && took <= total))) {
-        double *known = malloc((size_t)(mesh->n + 2) * sizeof *known);
-        if (known == NULL)
+    double took = row(mesh, TIMES)[mesh->n], period = part->asked->period;
+    double total = ceil(took / period - WHOLE) * period;
+    if (part->moves[1] && total != took) {
+        double *before = malloc((size_t)(mesh->n + 2) * sizeof *before);
+        if (before == NULL)
             return OUT_OF_MEMORY;
-        memcpy(known, row(mesh, COEFFICIENTS), (size_t)(mesh->n + 2) * sizeof *known);
-        stretch(part, mesh, total, known);
-        free(known);
+        memcpy(before, row(mesh, COEFFICIENTS), (size_t)(mesh->n + 2) * sizeof *before);
+        stretch(part, mesh, total, before);
+        free(before);
     }
     return TIMED;
 }
 
-int time_quickest(const timing_t *asked, begin_t begin, timed_t *timed) {
+int time_quickest(const timing_t *asked, matrix_t known, timed_t *timed) {
     index_t parts = asked->edges.n - 1, size = 0, to = 0;
     mesh_t *meshes = calloc((size_t)parts, sizeof *meshes);
     timed->rows.v = NULL;
@@ -566,7 +516,7 @@ int time_quickest(const timing_t *asked, begin_t begin, timed_t *timed) {
     int found = meshes == NULL || timed->parts == NULL ? OUT_OF_MEMORY : TIMED;
     for (index_t i = 0; i < parts && found == TIMED; i++) {
         part_t part;
-        found = read_part(asked, i, &part) ? OUT_OF_MEMORY : time_part(&part, begin, &meshes[i]);
+        found = read_part(asked, i, &part) ? OUT_OF_MEMORY : time_part(&part, known, &meshes[i]);
         double *to_part = timed->parts + PART_NUMBERS * i;
         to_part[0] = (double)meshes[i].n;
         to_part[1] = part.leaves[0], to_part[2] = part.leaves[1];

@@ -37,8 +37,8 @@ enum { PART_NUMBERS = 7 };
  * limits: of velocity, acceleration and jerk, norm and components, shape (3, 4).
  * move_limits: of the position's velocity and acceleration, shape (2,).
  * period: of the device, s.
- * total: wanted duration, s; 0 for the shortest.  If the path still moves at its end, the shortest
- *     duration is a whole number of periods. */
+ *
+ * If the path still moves at its end, the duration is a whole number of periods. */
 typedef struct {
     row_t breaks;
     matrix_t pieces;
@@ -47,15 +47,8 @@ typedef struct {
     row_t move_breaks;
     matrix_t moves, limits;
     row_t move_limits;
-    double period, total;
+    double period;
 } timing_t;
-
-/* Where a search begins: a profile that is known, of one part.
- *
- * known: to be improved on its own mesh; no rows for none.
- * slower: by how much slower to be, but not where an end moves; the known coefficients are then not
- *     used. */
-typedef struct { matrix_t known; double slower; } begin_t;
 
 /* Profiles of the parts one after the other, row by row; to be freed. */
 typedef struct { matrix_t rows; double *parts; } timed_t;
@@ -64,8 +57,10 @@ enum { TIMED = 1, NO_WAY = 0, STANDS_STILL = -1 };
 
 /* Find the profiles of all parts.
  *
+ * known: a profile of the only part, to be improved on its own mesh; no rows for none.
+ *
  * Return TIMED, NO_WAY where the limits leave none, STANDS_STILL where the squared rate falls to zero
  * on the way, or OUT_OF_MEMORY. */
-int time_quickest(const timing_t *asked, begin_t begin, timed_t *timed);
+int time_quickest(const timing_t *asked, matrix_t known, timed_t *timed);
 
 #endif

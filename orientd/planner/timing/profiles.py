@@ -31,10 +31,6 @@ from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle
 
 _STEP = 1e-6  # share of the peak velocity and acceleration that is a step at a knot
-_PACE_POWER = 1.3  # approximate: moving ends keep their own pace
-_MOST_PACES = 16  # attempts until one takes a given duration
-_NEARLY = 0.994  # share of a requested duration: the rest slows the path down inside
-_SAME = 1e-9  # of a duration
 _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration and jerk, for a pace
 
 # Rows of a profile, see timing.h.
@@ -115,8 +111,6 @@ def profiles(
     *,
     rests: Floats | None = None,
     known: Floats | None = None,
-    slower: float = 1.0,
-    total: float = 0.0,
 ) -> list[Profile]:
     """Return the fastest profiles of the parts of a path.
 
@@ -126,9 +120,6 @@ def profiles(
             they are.
         known: coefficients and utilisation on the first mesh, shape ``(4, n + 2)``, or the rows of
             a profile to be improved on its own mesh; ``None`` starts from a guess.
-        slower: factor by which to slow down away from moving ends; the coefficients of the known
-            profile are then not used.
-        total: duration, s, if it is a little longer than the shortest; 0 for the shortest time.
 
     Raises:
         PlanError: a part has no profile.
@@ -145,9 +136,7 @@ def profiles(
         limit_table(aims),
         np.array([aims.linear_velocity, aims.linear_acceleration]),
         period,
-        total,
         np.empty((0, 0)) if known is None else known,
-        slower,
     )
     if isinstance(found, bool):
         why = "it would have to stand still on the way" if found else "the limits allow no timing"
@@ -214,34 +203,6 @@ def quickest(
     quick = _joined([_on_records(retimed(path, one), period) for one in found])
     refusal.check_duration(quick.duration)
     return quick
-
-
-def lasting(
-    path: KeyframePath,
-    quick: KeyframePath,
-    limits: Limits,
-    period: float,
-    total: float,
-) -> KeyframePath:
-    """Return a path in a longer time than the shortest, with the same velocities at its ends.
-
-    Args:
-        total: its duration, s.
-
-    Raises:
-        TotalError: the shortest time is longer.
-        PlanError: no timing was found.
-    """
-    known, pace = quick.profile if isinstance(quick, QuickPath) else None, 1.0
-    if known is None or not any(known.moves):
-        return quick.lasting(total)
-    refusal.check_total(total, quick.duration)
-    for _ in range(_MOST_PACES):
-        (profile,) = profiles(path, limits, period, known=known.rows, slower=pace, total=total)
-        if abs(profile.duration - total) <= _SAME * total:
-            return retimed(path, profile).slowed(total)
-        pace *= (0.5 * (1.0 + _NEARLY) * total / profile.duration) ** _PACE_POWER
-    raise PlanError(f"no timing of {total:g} s was found that keeps the velocities at the ends")
 
 
 def retimed(path: KeyframePath, profile: Profile) -> QuickPath:
