@@ -15,7 +15,7 @@ import re
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 from typing import TextIO
 
@@ -346,7 +346,7 @@ def _nanoseconds(word: str, power: int) -> int:
     try:
         found = Decimal(word.strip()).scaleb(power)
         return round(found) if abs(found) < _LATEST else NO_TIME
-    except (InvalidOperation, ValueError, OverflowError):
+    except (ArithmeticError, ValueError):
         return NO_TIME
 
 

@@ -231,7 +231,7 @@ def test_many_rows_are_no_long_row(tmp_path):
     assert len(read_orientations(tmp_path / "a.tum").times) == 300
 
 
-@pytest.mark.parametrize("number", ["", "nan", "inf", "x", "1e400"])
+@pytest.mark.parametrize("number", ["", "nan", "inf", "x", "1e400", "0.7e30900000001"])
 def test_a_word_that_is_no_number_leaves_its_sample_out(tmp_path, number):
     rows = ["0,1,0,0,0", f"1,1,{number},0,0", f"{number},1,0,0,0"]
     rows += [f"{k},1,0,0,0" for k in range(3, 20)]
