@@ -82,8 +82,8 @@ INLINE vec_t within(vec_t before, vec_t middle, vec_t after, double u) {
     return plus(plus(times(v * v, before), times(2.0 * u * v, middle)), times(u * u, after));
 }
 
-/* Where the spline leads to, by Magnus' expansion of fourth order as of a ramp, and how far that
- * is from its end, with derivatives. */
+/* Where the spline leads to, by the expansion of stop.c in the same parts, and how far that is from its
+ * end, with derivatives. */
 static void put_turning(steps_t *at) {
     spline_t *s = at->spline;
     int n = s->elements;

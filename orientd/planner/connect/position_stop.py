@@ -1,7 +1,8 @@
 r"""How a moving position comes to rest: at a given point, or at any point.
 
 The pieces are quintics with position, velocity and acceleration given at both ends.  A stop ends at
-:math:`p + vT/2 + aT^2/12`, and its velocity is the cubic of ``orientd/kernels/c/leave.c``.
+:math:`p + vT/2 + aT^2/12`.  Its velocity is then the cubic Hermite polynomial :math:`v (1 - 3u^2 +
+2u^3) + aT (u - 2u^2 + u^3)` with :math:`u = t/T`.
 """
 
 from __future__ import annotations
