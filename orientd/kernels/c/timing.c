@@ -26,6 +26,9 @@ enum {
 };
 
 static const double gaps[] = {0.03, 0.003, 5e-4, 3e-4}; /* share of the duration the barrier costs */
+/* Shares of the limits of velocity, acceleration and jerk: above them all of the path would be slowed
+ * by more than half a thousandth, which is worth another round. */
+static const double over[] = {1.0005, 1.001, 1.0015};
 enum { GAPS = sizeof gaps / sizeof *gaps };
 #define LAST_GAP gaps[GAPS - 1]
 #define AGAIN 10.0          /* times the gap to begin with from a profile that is nearly right */
@@ -37,7 +40,6 @@ enum { GAPS = sizeof gaps / sizeof *gaps };
 #define CHANGE 0.5          /* of the squared rate in an element */
 #define MISSED 1.01         /* share of a limit between the places that were looked at */
 #define GIVEN 1.0002        /* share of a limit that is used where an end is at it */
-#define OVER 1.0005         /* share of a limit that is worth another round */
 #define EASE 3.0            /* one over the share of the mesh near an end that moves */
 #define ROUNDING 1e-13
 #define WHOLE 1e-9          /* of a period */
@@ -300,11 +302,12 @@ static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_
         double pull = share_of(row_of(path->first, 2 * e + 1), row_of(part->asked->limits, 1));
         wanted[e] = fmax(0.5 * fabs(d[e + 1] - d[e]) * pull / RAMP,
                          fabs(y[e + 1] - y[e]) / fmax(y[e], y[e + 1]) / CHANGE);
-        double most = MISSED;
         if (is_fine)
-            wanted[e] = 0.0, most = OVER;
-        for (int order = 0; order < 3; order++)
+            wanted[e] = 0.0;
+        for (int order = 0; order < 3; order++) {
+            double most = is_fine ? over[order] : MISSED;
             wanted[e] = fmax(wanted[e], row(mesh, SHARES + order)[e] / most);
+        }
     }
     /* Near rest the jerk changes between the places that were checked. */
     for (int side = 0; side < 2; side++)
@@ -418,7 +421,7 @@ static int refine(const part_t *part, mesh_t *mesh, mesh_t *finer, bool is_fine)
 static bool exceeds(const mesh_t *mesh) {
     for (int order = 0; order < 3; order++)
         for (index_t e = 0; e < mesh->n; e++)
-            if (row(mesh, SHARES + order)[e] > OVER)
+            if (row(mesh, SHARES + order)[e] > over[order])
                 return true;
     return false;
 }
