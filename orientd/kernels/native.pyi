@@ -104,6 +104,9 @@ def time_quickest(
     move_limits: Floats,
     period: float,
     known: Floats,
+    axis_breaks: Floats,
+    axis_pieces: Floats,
+    axis_limits: Floats,
     /,
 ) -> tuple[bytes, bytes] | bool: ...
 

@@ -37,6 +37,7 @@ from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.planner.planning import plan
 from orientd.planner.refusal import check_total
 from orientd.planner.state import State
+from orientd.planner.timing.axes import Axes
 from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -70,6 +71,8 @@ _CLOSE = 1.02
 """Ratio at which the bisection between refused and feasible speed ends."""
 _GIVEN = 0.2
 """How long after it takes over from a motion its speed is that motion's, s."""
+_NEAR = 1e-3
+"""Distance of the poses on both sides of a record that give the axis velocities there, periods."""
 _ATTEMPTS = 16
 """Most plans of one request: each costs as much as the first."""
 
@@ -113,6 +116,10 @@ class Fitting:
         home = self.by_way(request)
         if home is not None:
             return home
+        if self.joints and self.start.is_at_rest and not isinstance(self.mechanism, Gimbal):
+            # In the one timing.  The tool's own lead-in may pass elsewhere, where the axes can.
+            with suppress(PlanError):
+                return self.fitted(self.planned(request, Axes(self.mechanism, self.joints)))
         motion = self.planned(request)
         try:
             found = self.followed(motion)
@@ -156,14 +163,15 @@ class Fitting:
             raise PlanError("the axes turn together from rest only; stop first")
         return way
 
-    def planned(self, request: MotionRequest) -> Motion:
-        """Return the requested motion without regard to the axes."""
+    def planned(self, request: MotionRequest, axes: Axes | None = None) -> Motion:
+        """Return the requested motion; with *axes* its timing regards them."""
         return plan(
             request,
             start=self.start,
             limits=self.limits,
             period=self.period,
             motion_id=self.motion_id,
+            axes=axes,
         )
 
     def followed(self, motion: Motion) -> Motion:
@@ -417,13 +425,32 @@ class Fitting:
 
     def _reshaped(self, motion: Motion, path: JointPath) -> Motion:
         axes = self.mechanism.axes
-        found = reshaped(motion, path, axes, joints_before=self.before, joint_rates=self.rates)
+        rates = None if isinstance(self.mechanism, Gimbal) else self._rates(motion, path)
+        found = reshaped(
+            motion, path, axes, joints_before=self.before, joint_rates=self.rates, rates=rates
+        )
         if not (isinstance(self.mechanism, Gimbal) and self.mechanism.is_pointing):
             return found
         # Only the direction counts, with whatever roll the axes give it.
         reached = found.sample(found.keyframe_times).q
         error = float(np.max(pointing_error(self.mechanism, reached, found.request.keys)))
         return replace(found, certificate=replace(found.certificate, keyframe_error=error))
+
+    def _rates(self, motion: Motion, path: JointPath) -> Floats:
+        """Return the axis velocities at the records of *motion* at a pace, rad/s."""
+        times, step = path.path_times, _NEAR * motion.period
+        around = np.clip(times[:, None] + [-step, step], 0.0, motion.duration)
+        samples = motion.sample(around.ravel())
+        near = self.joints or tuple(path.joints[0].tolist())
+        joints = joints_along(self.mechanism, step, samples.q, samples.position, near)
+        change = np.diff(joints.reshape(len(times), 2, -1), axis=1)[:, 0]
+        spans = np.diff(around, axis=1)
+        rates = np.divide(change, spans, out=np.zeros_like(change), where=spans > 0.0)
+        rates *= np.gradient(times)[:, None] / motion.period
+        rates[-1] = 0.0
+        if self.start.is_at_rest:
+            rates[0] = 0.0
+        return rates
 
 
 def _tool(limits: Limits) -> ToolLimits:
@@ -442,6 +469,7 @@ def reshaped(
     *,
     joints_before: Sequence[Sequence[float]] = (),
     joint_rates: Sequence[float] = (),
+    rates: Floats | None = None,
 ) -> Motion:
     """Return *motion* on the path of *shape*, checked against its limits again.
 
@@ -451,6 +479,7 @@ def reshaped(
         axes: limits of the axes.
         joints_before: axis angles of the three records before a motion that begins in motion.
         joint_rates: axis velocities at the start of a motion that begins in motion, rad/s.
+        rates: axis velocities at the records, as for :meth:`.RecordedPath.of`.
 
     Raises:
         LimitError: the shaped path breaks a limit.
@@ -471,7 +500,7 @@ def reshaped(
     if start.is_at_rest and begun > SAME_ANGLE:
         # The axes are unknown, so the plan has chosen the roll in which they begin.
         start = replace(start, q=q[0], before=None)
-    path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier, joint_rates)
+    path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier, joint_rates, rates)
 
     def moved(times: Floats) -> Floats:
         """Return when the shaped path reaches *times* of the planned path."""

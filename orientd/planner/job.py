@@ -10,13 +10,22 @@ import numpy as np
 
 from orientd.curves.contract import METHODS
 from orientd.curves.trajectory import Trajectory
+from orientd.driver import Joints
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.model.limits import LONGEST, UNITS, Limits, is_still
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
 from orientd.planner.certify.measuring import measure
 from orientd.planner.certify.summary import before, summed_up
-from orientd.planner.connect.leads import MOST_SHARE, LeadIn, join_in, lead_in, lead_out
+from orientd.planner.connect.leads import (
+    MOST_SHARE,
+    SAME_PLACE,
+    LeadIn,
+    join_in,
+    lead_in,
+    lead_out,
+    straight,
+)
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
@@ -24,9 +33,12 @@ from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, end_states, position_path
 from orientd.planner.resolve import half_turn_notes
 from orientd.planner.state import State
+from orientd.planner.timing.axes import NO_AXES, Axes, AxisPath
+from orientd.planner.timing.axes import SHARE as AXIS_SHARE
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import Knots, chord_knots, quick_knots
-from orientd.rotation import Floats
+from orientd.planner.timing.profiles import quickest
+from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
 
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
@@ -69,6 +81,7 @@ class PlanJob:
         notes: notes of the certificate on the request.
         offset: index of the first keyframe in the whole request, if this is a part of it.
         share: share of acceleration and jerk that connectors use, of their usual one.
+        axes: of the device, if the timing regards them.
     """
 
     request: MotionRequest
@@ -83,10 +96,18 @@ class PlanJob:
     notes: tuple[str, ...] = ()
     offset: int = 0
     share: float = 1.0
+    axes: Axes | None = None
     _leads: dict[tuple[bytes, float], LeadIn] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> PlanJob:
+    def of(
+        cls,
+        request: MotionRequest,
+        start: State,
+        own: Limits,
+        period: float,
+        axes: Axes | None = None,
+    ) -> PlanJob:
         """Check the request as far as possible without a curve."""
         limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
         limits = limits.at_period(period)
@@ -115,7 +136,9 @@ class PlanJob:
         halt = position_lead(start, None, limits=limits, period=period)
         is_even = not request.is_quickest
         share = CALM_LEAD_SHARE if is_even or request.total is not None else LEAD_SHARE
-        return cls(request, start, limits, own, period, ends, halt, is_even, share, notes=notes)
+        return cls(
+            request, start, limits, own, period, ends, halt, is_even, share, notes=notes, axes=axes
+        )
 
     def evenly(self) -> PlanJob:
         """Return the same job at an even pace."""
@@ -245,7 +268,13 @@ class PlanJob:
         return lead
 
     def connected(
-        self, start: State, end: State, *, is_direct: bool = True, share: float = 1.0
+        self,
+        start: State,
+        end: State,
+        *,
+        is_direct: bool = True,
+        share: float = 1.0,
+        near: Joints = (),
     ) -> LeadIn:
         """Return the lead-in from one state to another.
 
@@ -254,10 +283,14 @@ class PlanJob:
             end: final state.
             is_direct: whether to prefer a connector to a run-up from rest.
             share: multiple of the usual share of acceleration and jerk.
+            near: axis angles at the initial state, rad; by default those of the device's start.
 
         Raises:
             PlanError: no lead-in keeps the limits.
         """
+        still = is_still(end.omega_body, end.alpha_body, self.limits)
+        if self.axes is not None and start.is_at_rest and still:
+            return self._straight_lead(start, end, near or self.axes.joints)
         find = partial(
             lead_in,
             start,
@@ -274,6 +307,52 @@ class PlanJob:
             if is_direct or not start.is_at_rest:
                 raise
             return find(is_direct=True)
+
+    def straight(self, start: State, end: State, near: Joints) -> tuple[KeyframePath, Joints]:
+        """Return the fastest straight way from rest to rest elsewhere, and the axes at its end.
+
+        Args:
+            near: axis angles at its start, rad.
+
+        Raises:
+            PlanError: the axes do not reach it, or the limits allow no timing.
+        """
+        if self.axes is None:
+            raise ValueError("the device must have axes")
+        path, share = straight(start, end), min(self.lead_share / LEAD_SHARE, 1.0)
+        within = self.limits.with_reserve(share)
+        axes = self.axes.along(path, near, within, share * AXIS_SHARE)
+        return quickest(path, within, self.period, has_rests=True, axes=axes), axes.end
+
+    def _straight_lead(self, start: State, end: State, near: Joints) -> LeadIn:
+        """Return the straight way from rest to rest as a lead-in."""
+        turn, move = angle(start.q, end.q), end.position - start.position
+        if max(float(turn), float(np.linalg.norm(move))) <= SAME_PLACE:
+            return LeadIn((), 0, PositionPath.held(end.position), near)
+        path, joints = self.straight(start, end, near)
+        cycles = math.ceil(path.duration / self.period - _END_SLACK)
+        path = path.slowed(cycles * self.period)
+        return LeadIn((path.trajectory,), cycles, path.positions, joints)
+
+    def axes_along(self, path: KeyframePath) -> AxisPath:
+        """Return the axes along a path through the keyframes, if the timing regards them.
+
+        Raises:
+            PlanError: the axes do not reach a pose, or the limits allow no lead-in.
+        """
+        if self.axes is None:
+            return NO_AXES
+        return self.axes.along(path, self.joints_at(path.first), self.limits)
+
+    def joints_at(self, first: State) -> Joints:
+        """Return the axis angles at the first keyframe, rad; none if the timing disregards them.
+
+        Raises:
+            PlanError: the limits allow no lead-in.
+        """
+        if self.axes is None or not self.request.approach:
+            return () if self.axes is None else self.axes.joints
+        return self.lead_to(State.at_rest(first.q, first.position)).joints
 
     def leads_out(self, last: State, end: float, share: float = 1.0) -> list[Trajectory]:
         """Return the lead-out from a state at a path time; empty if it is at rest.

@@ -27,6 +27,7 @@ from orientd.planner.path import PositionPath
 from orientd.planner.remarks import excess, remarked
 from orientd.planner.resolve import resolved
 from orientd.planner.state import State
+from orientd.planner.timing.axes import Axes
 from orientd.planner.timing.even import evenly_made, evenly_paced
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME, Knots
@@ -52,6 +53,7 @@ def plan(
     period: float,
     motion_id: str | None = None,
     unix_ns: int | None = None,
+    axes: Axes | None = None,
 ) -> Motion:
     """Return the requested motion, or refuse it.
 
@@ -75,6 +77,7 @@ def plan(
         period: the device's cycle, s.
         motion_id: identifier of the motion; by default a new random one.
         unix_ns: Unix time at the beginning of the motion, ns; required if a keep-out cone moves.
+        axes: of the device, which the timing of a motion from rest regards.
 
     Raises:
         RequestError: its method or the device does not allow the request.
@@ -102,7 +105,7 @@ def plan(
             "limits", "none are set, so there is no quickest motion: set one, or give times"
         )
     try:
-        job = PlanJob.of(resolved(request, start, within), start, within, period)
+        job = PlanJob.of(resolved(request, start, within), start, within, period, axes)
         return remarked(resting.compared(job, _planned(job, name)))
     except PlanError as error:
         refusal.name_pace(error, request.pace)
@@ -213,7 +216,8 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
     is_turn = start.is_at_rest and not omega.any() and bool((position == start.position).all())
     if request.total is not None and not is_turn:
         raise PlanError("a single keyframe is reached in a duration by turning from rest only")
-    if is_turn:
+    is_straight = job.axes is not None and start.is_at_rest and not omega.any()
+    if is_turn or (is_straight and request.total is None):
         tried.attempt("the quickest turn", partial(_turn, job, target, name))
         return
     tried.attempt("a connector", partial(job.motion, target, name))
@@ -229,8 +233,13 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
 def _turn(job: PlanJob, target: State, name: str) -> Motion:
     """Return the turn to a single keyframe, from rest to rest about one axis."""
     total, held, here = job.request.total, PositionPath.held(target.position), job.start.q
-    if angle(here, target.q) <= SAME_PLACE:
+    is_there = bool(np.linalg.norm(target.position - job.start.position) <= SAME_PLACE)
+    if angle(here, target.q) <= SAME_PLACE and is_there:
         return job.motion(target, name)
+    if job.axes is not None:
+        straight, _ = job.straight(job.start, target, job.axes.joints)
+        straight = straight if total is None else straight.lasting(total)
+        return job.certified(replace(straight, times=straight.times[-1:]), name)
 
     def make(limits: Limits) -> KeyframePath:
         turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False)
@@ -450,9 +459,11 @@ def _at_even_pace(job: PlanJob, name: str, *notes: str, longest: float = LONGEST
     if not job.has_one_shape:
         return job.motion(_usual_curve(job, knots, guess, longest), name, *notes)
     path, intervals = curve(guess), len(knots.kept) - 1
+    pace = partial(evenly_paced, path, intervals=intervals, longest=longest)
+    axes = job.axes_along(path)
 
     def make(limits: Limits) -> KeyframePath:
-        found = evenly_paced(path, limits, job.period, intervals=intervals, longest=longest)
+        found = pace(limits, job.period, axes=axes)
         if found is None:
             raise refusal.of_any_duration(job.start, job.limits)
         return found
@@ -490,9 +501,11 @@ def _timed(job: PlanJob, path: KeyframePath, name: str, *, has_rests: bool = Tru
     total, period = job.request.total, job.period
     known: Floats | None = None
 
+    axes = job.axes_along(path)
+
     def make(limits: Limits) -> KeyframePath:
         nonlocal known
-        quick = quickest(path, limits, period, known=known, has_rests=has_rests)
+        quick = quickest(path, limits, period, known=known, has_rests=has_rests, axes=axes)
         known = None if quick.profile is None else quick.profile.rows
         if total is None:
             return quick

@@ -17,12 +17,13 @@ from typing import cast
 import numpy as np
 
 from orientd.curves.trajectory import Trajectory
+from orientd.driver import Joints
 from orientd.errors import PlanError
 from orientd.model.limits import LONGEST, Limits
 from orientd.model.request import DEFAULT_METHOD, Keyframe, MotionRequest
 from orientd.planner import refusal
 from orientd.planner.connect.connector import connector_lasting, hold, turn_to_stop
-from orientd.planner.connect.leads import LeadIn, approach, lead_out
+from orientd.planner.connect.leads import SAME_PLACE, LeadIn, approach, lead_out, straight
 from orientd.planner.job import PlanJob
 from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
@@ -31,6 +32,7 @@ from orientd.planner.remarks import SWING, excess
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME
+from orientd.planner.timing.profiles import quickest
 from orientd.rotation import Floats, angle, log
 from orientd.rotation import between as turn_between
 
@@ -102,10 +104,25 @@ def with_stops(job: PlanJob, limits: Limits) -> KeyframePath:
         PlanError: one of them takes longer than the longest allowed motion.
     """
     keys = job.request.keys
+    if job.axes is not None:
+        return _with_stops_of_axes(job, limits)
     turns = [approach(*pair, limits, is_part=len(keys) > 2) for pair in pairwise(keys)]
     durations = [0.0 if turn is None else turn.duration for turn in turns]
     times = np.concatenate([[0.0], np.cumsum(durations)])
     return _laid(job, [[turn] for turn in turns if turn is not None], times)
+
+
+def _with_stops_of_axes(job: PlanJob, limits: Limits) -> KeyframePath:
+    """Return the same turns, timed for the axes too: the path may rest where its axis changes."""
+    states = [State.at_rest(q, job.halt.last) for q in job.request.keys]
+    turns = [
+        straight(*pair).trajectory if angle(pair[0].q, pair[1].q) > SAME_PLACE else None
+        for pair in pairwise(states)
+    ]
+    times = np.cumsum([0.0, *(0.0 if turn is None else turn.duration for turn in turns)])
+    path = _laid(job, [[turn] for turn in turns if turn is not None], times)
+    path = replace(path, trajectory=replace(path.trajectory, continuity=1))
+    return quickest(path, limits, job.period, has_rests=True, axes=job.axes_along(path))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +217,10 @@ def single_moves(job: PlanJob, pause: int | None = None) -> KeyframePath:
     if pause is not None:
         states.insert(1, State.at_rest(states[pause].q, states[pause].position))
     pairs = list(pairwise(states))
-    moves = [_single_move(job, *pair) for pair in pairs]
+    joints, moves = job.joints_at(states[0]), []
+    for pair in pairs:
+        moves.append(_single_move(job, *pair, joints))
+        joints = moves[-1].joints
     takes = np.array([move.cycles * job.period for move in moves])
     waits, total, asked = np.zeros(len(moves)), job.request.total, job.request.times
     if asked is not None and pause is not None:
@@ -231,8 +251,9 @@ def single_moves(job: PlanJob, pause: int | None = None) -> KeyframePath:
     return replace(_laid(job, parts, times), positions=positions)
 
 
-def _single_move(job: PlanJob, one: State, other: State) -> LeadIn:
-    return job.connected(one, other, is_direct=not (one.is_at_rest and other.is_at_rest))
+def _single_move(job: PlanJob, one: State, other: State, joints: Joints) -> LeadIn:
+    is_direct = not (one.is_at_rest and other.is_at_rest)
+    return job.connected(one, other, is_direct=is_direct, near=joints)
 
 
 def _states_to_rest_at(job: PlanJob) -> list[State]:
@@ -252,7 +273,8 @@ def compared(job: PlanJob, motion: Motion) -> Motion:
     request, took = job.request, motion.duration
     is_free = request.is_quickest and request.total is None and not request.turns.any()
     has_stopped = can_rest(job) and not any(job.ends.moves)  # a stop everywhere was tried
-    if request.is_single or not is_free or has_stopped or job.is_taken_over:
+    is_compared = is_free and not has_stopped and not job.is_taken_over and job.axes is None
+    if request.is_single or not is_compared:
         return motion
     if took < _SLOWER * least_with_stops(request.keys, job.limits):
         return motion

@@ -13,8 +13,8 @@
 
 enum {
     SPOTS = 3,   /* of an element */
-    BENDS = 5,   /* limits of accelerations, at most */
-    TWISTS = 4,  /* of jerks */
+    BENDS = 5 + MOST_AXES,   /* limits of accelerations, at most */
+    TWISTS = 4 + MOST_AXES,  /* of jerks */
 };
 
 /* The rows of numbers of a search: n or n + 1 or n + 2 each. */
@@ -39,6 +39,7 @@ typedef struct {
 enum {
     MOST_STEPS = 160,
     ROUND_STEPS = 10,
+    FIRST_STEPS = 80,
     HALVINGS = 40,
 };
 
@@ -390,13 +391,13 @@ static double newton(search_t *s, double weight, double stretch) {
     return decrement;
 }
 
-/* Move towards the best profile for a weight, and return how many steps that took. */
-static int centre(search_t *s, double *c, double weight, double stretch) {
+/* Move towards the best profile for a weight by at most *most* steps, and return how many it took. */
+static int centre(search_t *s, double *c, double weight, double stretch, int most) {
     index_t count = s->n + 2;
     spread(s, c);
     double cost = cost_of(s, weight, stretch);
     int steps = 0;
-    while (steps < ROUND_STEPS) {
+    while (steps < most) {
         double decrement = newton(s, weight, stretch), length = 1.0;
         steps++;
         if (!(decrement > DECREMENT * weight))
@@ -444,7 +445,9 @@ static int improve(search_t *s, double begin, double gap, double *c) {
     double weight = begin * duration(s) / degree;
     for (int steps = 0; steps <= MOST_STEPS;) {
         s->weight = weight;
-        steps += centre(s, c, weight, stretch);
+        /* The jerk of axes is far from convex: its first centre takes longer to reach. */
+        bool is_first = steps == 0 && begin >= 1.0 && s->path->axis_limits.m;
+        steps += centre(s, c, weight, stretch, is_first ? FIRST_STEPS : ROUND_STEPS);
         if (stretch > 1.0) {
             /* Limits that were moved out for the guess are moved in again as it improves; what is
              * given at an end may be close to them. */

@@ -20,6 +20,8 @@
 
 enum { PROFILE_FOUND = 1, PROFILE_NOT_FOUND = 0 };
 
+enum { MOST_AXES = 8 };  /* of a mechanism */
+
 /* A path for which a profile is sought. */
 typedef struct {
     row_t widths;                   /* of the elements, shape (n,) */
@@ -28,6 +30,10 @@ typedef struct {
     matrix_t move_first, move_second; /* those of the position, or shape (0, 3) */
     matrix_t limits;                /* of velocity, acceleration and jerk, norm and components */
     row_t move_limits;              /* of the position's velocity and acceleration */
+    double *axis_first, *axis_second; /* those of the axes' angles, in groups of three axes, each of
+                                         shape (2 n + 1, 3); the last is filled up with zeros */
+    matrix_t axis_limits;           /* of the axes' velocity, acceleration and jerk, shape (3, axes);
+                                       without the last row the jerk is free */
     matrix_t aims;                  /* what the limits of each element are divided by, (3, n) */
     bool has_start, has_end;        /* whether value and slope are given there */
 } profile_path_t;
@@ -51,7 +57,7 @@ int find_profile(const profile_path_t *path, double begin, double gap, row_t coe
 
 /* A limited rate along the path: derivatives of its quantity, and its limit. */
 typedef struct { const double *first, *second; index_t axis; double limit; int order; } rate_t;
-enum { ALL_AXES = -1, MOST_RATES = 14 };
+enum { ALL_AXES = -1, MOST_RATES = 14 + 3 * MOST_AXES };
 
 /* Write the rates that are limited, of orders 1 to 3, and return how many there are. */
 int put_limited(const profile_path_t *path, rate_t rates[MOST_RATES]);

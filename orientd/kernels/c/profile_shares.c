@@ -29,6 +29,14 @@ int put_limited(const profile_path_t *path, rate_t rates[MOST_RATES]) {
         if (order < 3 && path->move_first.n)
             count += add_rates(&path->move_first, &path->move_second,
                                path->move_limits.v[order - 1], NULL, order, rates + count);
+        /* The angle of an axis is a scalar, one column of a group of three. */
+        index_t group = 3 * (2 * path->widths.n + 1);
+        for (index_t k = 0; k < path->axis_limits.m && order <= path->axis_limits.n; k++) {
+            double limit = row_of(path->axis_limits, order - 1)[k];
+            if (limit < INFINITY)
+                rates[count++] = (rate_t){path->axis_first + k / 3 * group,
+                                          path->axis_second + k / 3 * group, k % 3, limit, order};
+        }
     }
     return count;
 }

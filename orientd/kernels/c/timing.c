@@ -51,6 +51,7 @@ typedef struct {
     double begin, end, last, leaves[2], total;
     bool moves[2];
     struct { double omega[3], alpha[3]; } ends[2];
+    bool has_free_jerk;   /* of the axes, for a first profile: the problem is nearly convex then */
 } part_t;
 
 /* A profile on its mesh. */
@@ -137,12 +138,47 @@ static int read_part(const timing_t *asked, index_t place, part_t *part) {
     return 0;
 }
 
-/* Write the derivatives of orientation and position by the path coordinate at nodes and middles. */
+/* Return the piece of the axes' path at an instant. */
+static index_t axis_piece(row_t breaks, double t) {
+    index_t low = 0, high = breaks.n - 1;
+    while (high - low > 1) {
+        index_t middle = (low + high) / 2;
+        if (breaks.v[middle] <= t)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* Write the derivatives of the axes' angles by the path coordinate at one spot.
+ *
+ * slope, bend: derivatives of the path time by the coordinate. */
+static void put_axes(const timing_t *asked, double t, double slope, double bend, index_t spot,
+                     index_t spots, profile_path_t *path) {
+    index_t piece = axis_piece(asked->axis_breaks, t), axes = asked->axis_limits.m;
+    const double *c = row_of(asked->axis_pieces, piece);
+    double u = t - asked->axis_breaks.v[piece];
+    for (index_t k = 0; k < (axes + 2) / 3 * 3; k++) {
+        double p = 0.0, p1 = 0.0, p2 = 0.0;
+        for (int power = 5; k < axes && power >= 0; power--) {
+            p2 = p2 * u + p1;
+            p1 = p1 * u + p;
+            p = p * u + c[power * axes + k];
+        }
+        index_t to = 3 * (k / 3 * spots + spot) + k % 3;
+        path->axis_first[to] = p1 * slope;
+        path->axis_second[to] = 2.0 * p2 * slope * slope + p1 * bend;
+    }
+}
+
+/* Write the derivatives of orientation, position and axes by the path coordinate at all spots. */
 static int put_derivatives(const part_t *part, const mesh_t *mesh, profile_path_t *path,
                            double **memory) {
     const timing_t *asked = part->asked;
     index_t n = mesh->n, spots = 2 * n + 1, moving = asked->moves.n ? spots : 0;
-    double *next = malloc((size_t)(n + 21 * spots + 6 * moving) * sizeof *next);
+    index_t axes = asked->axis_limits.m, angles = (axes + 2) / 3 * 3 * spots;
+    double *next = malloc((size_t)(n + 21 * spots + 6 * moving + 2 * angles) * sizeof *next);
     *memory = next;
     if (next == NULL)
         return OUT_OF_MEMORY;
@@ -154,8 +190,11 @@ static int put_derivatives(const part_t *part, const mesh_t *mesh, profile_path_
         .limits = asked->limits, .move_limits = asked->move_limits,
         .aims = {row(mesh, AIMS), 3, n + 2},
         .has_start = part->moves[0], .has_end = part->moves[1],
+        .axis_limits = {asked->axis_limits.v, asked->axis_limits.n - part->has_free_jerk, axes},
     };
     next += n + 6 * (spots + moving);
+    path->axis_first = next, path->axis_second = next + angles;
+    next += 2 * angles;
     row_t places = {next, spots}, instants = {next + spots, spots};
     matrix_t s = {next + 2 * spots, 3, spots}, samples = {next + 5 * spots, 10, spots};
     const double *x = row(mesh, PLACES);
@@ -175,6 +214,8 @@ static int put_derivatives(const part_t *part, const mesh_t *mesh, profile_path_
             row_of(path->first, i)[k] = omega * slope;
             row_of(path->second, i)[k] = alpha * slope * slope + omega * bend;
         }
+        if (axes)
+            put_axes(asked, instants.v[i], slope, bend, i, spots, path);
         if (!moving)
             continue;
         put_move(asked->move_breaks, asked->moves, instants.v[i], (move_t){NULL, v, a});
@@ -300,6 +341,10 @@ static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_
     for (index_t e = 0; e < n; e++) {
         /* How much of the limits of acceleration a change of the rate takes. */
         double pull = share_of(row_of(path->first, 2 * e + 1), row_of(part->asked->limits, 1));
+        for (index_t k = 0; k < path->axis_limits.m; k++) {
+            double slope = path->axis_first[3 * (k / 3 * (2 * n + 1) + 2 * e + 1) + k % 3];
+            pull = fmax(pull, fabs(slope) / row_of(path->axis_limits, 1)[k]);
+        }
         wanted[e] = fmax(0.5 * fabs(d[e + 1] - d[e]) * pull / RAMP,
                          fabs(y[e + 1] - y[e]) / fmax(y[e], y[e + 1]) / CHANGE);
         if (is_fine)
@@ -429,7 +474,13 @@ static bool exceeds(const mesh_t *mesh) {
 /* Find the quickest profile on ever narrower meshes. */
 static int search(const part_t *part, mesh_t *mesh) {
     index_t count = 0, budget = BUDGET + BUDGET_OF_INTERVAL * (part->knots.n - 1);
-    int found = solve(part, mesh, false, 1.0, gaps[0]);
+    part_t rough = *part;
+    rough.has_free_jerk = true;
+    int found = solve(&rough, mesh, false, 1.0, gaps[0]);
+    /* With the jerk of the axes from far inside; but what an end has cannot be slowed down. */
+    bool is_free = !part->moves[0] && !part->moves[1];
+    if (found == PROFILE_FOUND && is_free && part->asked->axis_limits.m)
+        found = solve(part, mesh, true, 1.0, gaps[0]);
     put_nodes(mesh);
     for (int round = 0; found == PROFILE_FOUND; round++) {
         double gap = gaps[round < GAPS ? round : GAPS - 1], next = gaps[round + 1 < GAPS ? round + 1 : GAPS - 1];

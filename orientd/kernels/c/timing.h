@@ -37,6 +37,10 @@ enum { PART_NUMBERS = 7 };
  * limits: of velocity, acceleration and jerk, norm and components, shape (3, 4).
  * move_limits: of the position's velocity and acceleration, shape (2,).
  * period: of the device, s.
+ * axis_breaks, axis_pieces: the angles of a mechanism's axes by path time, quintics by the time since
+ *     each begins, shape (m + 1,) and (m, 6 axes): the angles' coefficients power by power; or (0,)
+ *     and (0, 0) for no axes.
+ * axis_limits: of their velocity, acceleration and jerk, shape (3, axes).
  *
  * If the path still moves at its end, the duration is a whole number of periods. */
 typedef struct {
@@ -48,6 +52,8 @@ typedef struct {
     matrix_t moves, limits;
     row_t move_limits;
     double period;
+    row_t axis_breaks;
+    matrix_t axis_pieces, axis_limits;
 } timing_t;
 
 /* Profiles of the parts one after the other, row by row; to be freed. */

@@ -17,16 +17,23 @@ import numpy as np
 
 from orientd.curves.axis_turn import AxisTurn
 from orientd.curves.trajectory import Trajectory
+from orientd.driver import Joints
 from orientd.errors import PlanError
 from orientd.model.limits import Limits, is_still
 from orientd.planner.connect.connector import FACTORS, connector, hold, join, stop
 from orientd.planner.connect.position_stop import check_lead, position_lead
 from orientd.planner.errors import JoinError
-from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
+from orientd.planner.path import (
+    DEGREE,
+    UNIT_ACCELERATION,
+    UNIT_JERK,
+    UNIT_VELOCITY,
+    PositionPath,
+)
 from orientd.planner.state import State
 from orientd.planner.timing.axis_turn import phases_of_turn
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.rotation import Floats, angle, nearer_sign
+from orientd.rotation import Floats, angle, exp, multiply, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
 
@@ -48,11 +55,13 @@ class LeadIn:
         parts: trajectories end to end, from path time 0 on.
         cycles: their duration in periods.
         positions: the position during that time.
+        joints: axis angles at its end, rad, if the timing regards them.
     """
 
     parts: tuple[Trajectory, ...]
     cycles: int
     positions: PositionPath
+    joints: Joints = ()
 
 
 def lead_in(
@@ -190,6 +199,31 @@ def from_rest(
     if move > SAME_PLACE:
         positions = positions.after_move_from(start.position, arrival)
     return LeadIn(tuple(parts), cycles, positions)
+
+
+def straight(start: State, end: State) -> KeyframePath:
+    """Return the turn about one axis and along a straight line between two states, not yet timed.
+
+    Raises:
+        ValueError: both states are at the same place.
+    """
+    turn, move = float(angle(start.q, end.q)), end.position - start.position
+    span = max(turn, float(np.linalg.norm(move)))
+    if span <= SAME_PLACE:
+        raise ValueError("a straight path needs two places")
+    trajectory = hold(start.q, span)
+    if turn > SAME_PLACE:
+        axis, is_shorter = _axis_between(start.q.tolist(), end.q.tolist())
+        rate = (turn if is_shorter else 2.0 * math.pi - turn) / span * np.array(axis)
+        trajectory = Trajectory.fit(
+            lambda times: multiply(start.q, exp(times[:, None] * rate)), [0.0, span]
+        )
+    positions = PositionPath.held(start.position)
+    if move.any():
+        pieces = np.zeros((1, DEGREE + 1, 3))
+        pieces[0, 0], pieces[0, 1] = start.position, move / span
+        positions = PositionPath(np.array([0.0, span]), pieces, start.position, end.position)
+    return KeyframePath(trajectory, positions, np.array([0.0, span]))
 
 
 def lead_out(start: State, *, limits: Limits, period: float, share: float) -> Trajectory:

@@ -60,6 +60,7 @@ class RecordedPath:
         joints: Floats,
         earlier: Floats | None = None,
         begun: Sequence[float] = (),
+        rates: Floats | None = None,
     ) -> RecordedPath:
         """Return the path through *q*, with the position of *original* at the times *path_times*.
 
@@ -77,6 +78,8 @@ class RecordedPath:
             earlier: axis angles of the three records before; without them the axes were at rest.
             begun: axis velocities at the first record, rad/s, if it takes over from a path that has
                 them.
+            rates: axis velocities at the records, rad/s, shape ``(n, axes)``; by default
+                differences of the angles, which blur what changes within four periods.
         """
         q = align(q)
         given = original.sample(path_times)
@@ -104,7 +107,8 @@ class RecordedPath:
         table: Floats = np.zeros((count, STATE_FLOATS + 2 * joints.shape[1]))
         table[:, :4], table[:, 4:7], table[:, 7:10] = q, omega, alpha
         table[:, 10:13] = given.position
-        rates = joint_rates(joints, earlier, period)
+        if rates is None:
+            rates = joint_rates(joints, earlier, period)
         if len(begun):
             rates[0] = begun
         table[:, STATE_FLOATS:] = np.concatenate([joints, rates], axis=1)

@@ -11,6 +11,7 @@ from orientd.model.limits import LONGEST, Limits
 from orientd.planner import refusal
 from orientd.planner.certify.measuring import measure
 from orientd.planner.path import Path
+from orientd.planner.timing.axes import NO_AXES, AxisPath
 from orientd.planner.timing.keyframe_path import KeyframePath
 
 PRECISION = 1e-3
@@ -54,26 +55,29 @@ def evenly_paced(
     *,
     intervals: int,
     longest: float = LONGEST,
+    axes: AxisPath = NO_AXES,
 ) -> KeyframePath | None:
     """Return a path in the shortest time at its own pace that keeps the limits, in whole periods.
 
     Args:
         intervals: between its keyframes.
         longest: longest duration, s.
+        axes: of the device, along the path.
 
     Returns:
         ``None`` if no duration keeps the limits.
     """
     reserved, kept = limits.with_reserve(), None
     spread = max(period, path.duration / (_SPOTS * intervals))
-    duration = path.duration * excess(path, reserved, spread)
+    least = path.duration * axes.excess(period)
+    duration = max(path.duration * excess(path, reserved, spread), least)
     refusal.check_duration(duration)
     cycles, fewest = max(math.ceil(duration / period), 1), 0
     for _ in range(_MOST_LOOKS):
         if cycles * period > longest:
             break
         found = path.slowed(cycles * period)
-        factor = excess(found, reserved, period)
+        factor = max(excess(found, reserved, period), least / found.duration)
         if factor <= 1.0:
             kept = found
         else:

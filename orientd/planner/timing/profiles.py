@@ -26,6 +26,7 @@ from orientd.kernels import time_quickest
 from orientd.model.limits import Limits
 from orientd.planner import refusal
 from orientd.planner.certify.measuring import limit_table
+from orientd.planner.timing.axes import NO_AXES, AxisPath
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once, usable
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle
@@ -111,6 +112,7 @@ def profiles(
     *,
     rests: Floats | None = None,
     known: Floats | None = None,
+    axes: AxisPath = NO_AXES,
 ) -> list[Profile]:
     """Return the fastest profiles of the parts of a path.
 
@@ -120,6 +122,7 @@ def profiles(
             they are.
         known: coefficients and utilisation on the first mesh, shape ``(4, n + 2)``, or the rows of
             a profile to be improved on its own mesh; ``None`` starts from a guess.
+        axes: of the device, along the path.
 
     Raises:
         PlanError: a part has no profile.
@@ -137,6 +140,9 @@ def profiles(
         np.array([aims.linear_velocity, aims.linear_acceleration]),
         period,
         np.empty((0, 0)) if known is None else known,
+        axes.breaks,
+        axes.pieces,
+        axes.limits,
     )
     if isinstance(found, bool):
         why = "it would have to stand still on the way" if found else "the limits allow no timing"
@@ -177,6 +183,7 @@ def quickest(
     *,
     known: Floats | None = None,
     has_rests: bool = False,
+    axes: AxisPath = NO_AXES,
 ) -> QuickPath:
     """Return the same path in the shortest time found within the limits.
 
@@ -186,6 +193,7 @@ def quickest(
     Args:
         path: with continuous acceleration, or at rest at its corners.
         has_rests: whether to begin and end at rest, and to rest at corners.
+        axes: of the device, along the path.
 
     Raises:
         PlanError: none was found.
@@ -194,12 +202,12 @@ def quickest(
     rests = None
     if len(inner) or (has_rests and not path.is_from_rest_to_rest):
         rests = np.concatenate([[0.0], inner, [path.duration]])
-    elif known is None:
+    elif known is None and axes is NO_AXES:
         # A path with a known profile is not a turn about one axis.
         turn = turned_at_once(path, limits)
         if turn is not None:
             return QuickPath(turn.trajectory, turn.positions, turn.times, path.notes)
-    found = profiles(path, limits, period, rests=rests, known=known)
+    found = profiles(path, limits, period, rests=rests, known=known, axes=axes)
     quick = _joined([_on_records(retimed(path, one), period) for one in found])
     refusal.check_duration(quick.duration)
     return quick

@@ -147,8 +147,10 @@ def test_motion_runs_slower_where_a_joint_needs_it():
 
     free, bound = plan(), plan(joint_acceleration_deg=300.0)
     assert bound.duration > 1.2 * free.duration
-    assert any("the axes need" in note for note in bound.certificate.notes)
     figures = {figure.name: figure for figure in bound.certificate.figures}
+    forces = [one for name, one in figures.items() if name.startswith("acceleration of")]
+    speeds = [one for name, one in figures.items() if name.startswith("velocity of")]
+    assert max(one.value / one.limit for one in forces + speeds) > 0.85
     assert figures["acceleration of wrist 3"].limit == pytest.approx(math.radians(300.0))
     for figure in bound.certificate.figures:
         assert (

@@ -111,9 +111,8 @@ def test_motion_is_as_slow_as_an_axis_needs_it(limits, kind):
     free, slow = planned(WRIST, (0.5, 0.2, 0.9)), planned(Wrist(**limits), (0.5, 0.2, 0.9))
     (most,) = limits.values()
     assert largest(free, kind) > 1.1 * most
-    assert 0.5 * most < largest(slow, kind) <= 1.001 * most
+    assert 0.85 * most < largest(slow, kind) <= 1.001 * most
     assert slow.duration > free.duration
-    assert "times as long" in slow.certificate.notes[-1]
 
 
 def test_times_of_the_user_are_kept_or_refused_with_the_axis_and_a_duration_that_would_do():

@@ -1,0 +1,228 @@
+r"""The axes of a mechanism along a path: their angles, and the limits that the timing keeps.
+
+An axis is one more rate of the timing, a scalar.  With its angle :math:`q(x)` along the path and
+:math:`y = \dot x^2`, its velocity is :math:`q' \sqrt y`, and its acceleration is
+:math:`q'' y + q' y' / 2` (Bobrow, Dubowsky and Gibson 1985); see ``orientd/kernels/c/profile.h``.
+
+Between two knots of the curve the path is smooth.  There the mechanism's own inverse kinematics
+gives the angles at samples, seven of these the derivatives, and quintics the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from orientd.driver import AxisLimits, Joints
+from orientd.mechanism import Mechanism
+from orientd.mechanism.routing import joints_along
+from orientd.model.limits import Limits
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.rotation import Floats
+
+SHARE, VELOCITY_SHARE = 0.90, 0.9998
+"""Shares of the limits of an axis that a timing uses: of acceleration and jerk, and of velocity.
+
+The more of an acceleration it uses, the longer stops on the path take.  The rest also is for the
+cubic between two records, which overshoots where the acceleration of a joint jumps.
+"""
+
+_FEWEST, _MOST = 24, 3072  # samples in an interval between two knots
+_EXACT = 1e-2
+"""Largest change of an acceleration when the samples double, as a share of its limit."""
+
+_STENCIL = 7  # samples of a finite difference
+_COEFFICIENTS = 6  # of a quintic
+_PLACES = np.linspace(0.0, 1.0, 5)  # in a piece
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisPath:
+    """The angles of the axes along a path, in the layout of ``orientd/kernels/c/timing.h``.
+
+    Attributes:
+        breaks: path times, s, shape ``(m + 1,)``.
+        pieces: quintics by the time since each begins, power by power, shape ``(m, 6 axes)``.
+        limits: of velocity, acceleration and jerk of every axis, shape ``(3, axes)``.
+        end: the angles at the end, rad.
+    """
+
+    breaks: Floats
+    pieces: Floats
+    limits: Floats
+    end: Joints
+
+    def excess(self, period: float) -> float:
+        """Return the factor by which the path at its own pace should take longer for the axes.
+
+        Args:
+            period: of the device, s: a step of an acceleration takes at least as long.
+        """
+        if not self.limits.size:
+            return 0.0
+        first, second, third = (self._rates(order) for order in (1, 2, 3))
+        step = np.abs(second[0, 1:] - second[-1, :-1]).max(0, initial=0.0) / period
+        shares = [
+            np.max(np.abs(first), (0, 1)) / self.limits[0],
+            np.sqrt(np.max(np.abs(second), (0, 1)) / self.limits[1]),
+            np.cbrt(np.max(np.abs(third), (0, 1)) / self.limits[2]),
+            np.sqrt(step / self.limits[2]),
+        ]
+        return float(np.max(shares))
+
+    def _rates(self, order: int) -> Floats:
+        """Return a derivative at places in every piece, shape ``(places, m, axes)``."""
+        pieces = self.pieces.reshape(len(self.pieces), _COEFFICIENTS, -1)
+        times = _PLACES[:, None] * np.diff(self.breaks)
+        found: Floats = np.zeros((*times.shape, pieces.shape[2]))
+        for k in range(order, _COEFFICIENTS):
+            found += math.perm(k, order) * times[..., None] ** (k - order) * pieces[:, k]
+        return found
+
+
+NO_AXES = AxisPath(np.empty(0), np.empty((0, 0)), np.empty((3, 0)), ())
+"""Of a device without axes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """The axes of a device before a motion.
+
+    Attributes:
+        mechanism: kinematics and limits.
+        joints: the angles where the motion begins, rad.
+    """
+
+    mechanism: Mechanism
+    joints: Joints
+
+    def along(
+        self, path: KeyframePath, near: Joints, tool: Limits, share: float = SHARE
+    ) -> AxisPath:
+        """Return the angles along a path, sampled until their accelerations do not change any more.
+
+        Args:
+            path: within reach.
+            near: angles at its start, about, rad.
+            tool: limits of the tool, which bound the pace.
+            share: of accelerations and jerks that the timing uses.
+
+        Raises:
+            PlanError: a pose is out of reach.
+        """
+        breaks, pieces = [], []
+        for begin, end in pairwise(path.trajectory.knots.tolist()):
+            grid, joints, first, second = self._sampled(path, (begin, end), near, tool)
+            near = tuple(joints[-1].tolist())
+            breaks.append(grid[:-1])
+            pieces.append(_quintics(joints, first, second, grid[1] - grid[0]))
+        return AxisPath(
+            np.concatenate([*breaks, path.trajectory.knots[-1:]]),
+            np.ascontiguousarray(np.concatenate(pieces)),
+            _limits(self.mechanism.axes, share),
+            near,
+        )
+
+    def _sampled(
+        self, path: KeyframePath, span: tuple[float, float], near: Joints, tool: Limits
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return path times, angles and their two derivatives in an interval between two knots."""
+        mechanism, count, before = self.mechanism, _FEWEST, None
+        most = np.array([(axis.velocity, axis.acceleration) for axis in mechanism.axes])
+        while True:
+            grid = np.linspace(*span, count + 1)
+            h = float(grid[1] - grid[0])
+            q, position = path.trajectory.orientations(grid), path.positions.sample(grid)[0]
+            joints = joints_along(mechanism, h, q, position, near)
+            first, second = _derivatives(joints, h)
+            if before is not None:
+                pace = _most_square(path, grid, (first, second), most, tool)
+                with np.errstate(invalid="ignore"):
+                    off = np.abs(second[::2] - before) * pace[::2, None] / most[:, 1]
+                if not np.nanmax(off) > _EXACT or count >= _MOST:
+                    return grid, joints, first, second
+            before, count = second, 2 * count
+
+
+def _most_square(
+    path: KeyframePath, grid: Floats, rates: tuple[Floats, Floats], most: Floats, tool: Limits
+) -> Floats:
+    """Return about the largest square of the pace that tool and axes permit, shape ``(n,)``."""
+    first, second = (np.abs(one) for one in rates)
+    _, omega, alpha = path.trajectory.sample(grid)
+    with np.errstate(divide="ignore"):
+        squares = [
+            (tool.velocity / np.linalg.norm(omega, axis=1)) ** 2,
+            2.0 * tool.acceleration / np.linalg.norm(alpha, axis=1),
+            np.min((most[:, 0] / first) ** 2, axis=1),
+            np.min(2.0 * most[:, 1] / second, axis=1),
+        ]
+    square = np.min(squares, axis=0)
+    # At rest itself the pace is 0, whatever these permit.
+    found: Floats = np.minimum(square, 4.0 * np.median(square))
+    return found
+
+
+def _limits(axes: Sequence[AxisLimits], share: float) -> Floats:
+    """Return the limits of the timing, shape ``(3, axes)``."""
+    return np.array(
+        [
+            [VELOCITY_SHARE * axis.velocity for axis in axes],
+            [share * axis.acceleration for axis in axes],
+            [share * axis.jerk for axis in axes],
+        ]
+    )
+
+
+@cache
+def _weights() -> tuple[Floats, Floats]:
+    """Return the finite differences of seven samples by the place of the sample, for h = 1.
+
+    Returns:
+        Of the first and the second derivative, exact up to degree six, shape ``(7, 7)``.
+    """
+    places = np.arange(_STENCIL, dtype=np.float64)
+    first, second = np.zeros((2, _STENCIL, _STENCIL))
+    for at in range(_STENCIL):
+        powers = np.vander(places - at, increasing=True).T
+        first[at] = np.linalg.solve(powers, np.eye(_STENCIL)[1])
+        second[at] = np.linalg.solve(powers, 2.0 * np.eye(_STENCIL)[2])
+    return first, second
+
+
+def _derivatives(values: Floats, h: float) -> tuple[Floats, Floats]:
+    """Return the first and the second derivative of samples, *h* apart, shape ``(n, axes)``."""
+    middle = _STENCIL // 2
+    windows = np.lib.stride_tricks.sliding_window_view(values, _STENCIL, axis=0)
+    first, second = (
+        np.concatenate(
+            [
+                table[:middle] @ values[:_STENCIL],
+                windows @ table[middle],
+                table[middle + 1 :] @ values[-_STENCIL:],
+            ]
+        )
+        for table in _weights()
+    )
+    return first / h, second / h**2
+
+
+def _quintics(values: Floats, first: Floats, second: Floats, h: float) -> Floats:
+    """Return the Hermite quintics between samples, shape ``(n - 1, 6 axes)``."""
+    p, v, a = values[:-1], first[:-1], second[:-1]
+    way = values[1:] - p - h * (v + 0.5 * h * a)
+    speed, push = h * (first[1:] - v - h * a), h * h * (second[1:] - a)
+    powers = [
+        p,
+        v,
+        0.5 * a,
+        (10.0 * way - 4.0 * speed + 0.5 * push) / h**3,
+        (-15.0 * way + 7.0 * speed - push) / h**4,
+        (6.0 * way - 3.0 * speed + 0.5 * push) / h**5,
+    ]
+    return np.stack(powers, axis=1).reshape(len(p), -1)

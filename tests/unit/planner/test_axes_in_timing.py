@@ -1,0 +1,288 @@
+"""The axes of a mechanism in the timing: as one more rate beside those of the tool."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, vector
+
+from orientd.driver import AxisLimits
+from orientd.errors import PlanError
+from orientd.mechanism import Mechanism
+from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.planner.connect.leads import straight
+from orientd.planner.fitting import Fitting
+from orientd.planner.timing.axes import SHARE, Axes
+from orientd.planner.timing.profiles import quickest
+from orientd.rotation import exp, log, multiply
+from orientd_ur.arm import MODELS
+
+FREE = Limits(50.0, 5e3, 1e7, 10.0, 1e3)
+HOME = np.array([0.0, -1.6, 1.6, -1.6, -1.6, 0.0])
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class Turntable(Mechanism):
+    """One axis: its angle is a function of the turn of the tool about z."""
+
+    def __init__(self, velocity, acceleration, jerk, angle):
+        self.axes = (AxisLimits("table", -99.0, 99.0, velocity, acceleration, jerk),)
+        self.angle = angle
+
+    def forward(self, joints):
+        return tuple(exp(np.array([0.0, 0.0, joints[0]])).tolist()), (0.0, 0.0, 0.0)
+
+    def solutions(self, q, position):
+        return [self.nearest(q, position, (0.0,))]
+
+    def nearest(self, q, position, near):
+        return (self.angle(float(log(np.array(q))[2])),)
+
+
+def turned(mechanism, turn=2.0, limits=FREE):
+    """Return a turn about z, timed for the axes of a mechanism."""
+    end = State.at_rest(exp(np.array([0.0, 0.0, turn])))
+    path = straight(State.at_rest(IDENTITY), end)
+    axes = Axes(mechanism, (mechanism.angle(0.0),)).along(path, (0.0,), limits, 1.0)
+    return quickest(path, limits, PERIOD, has_rests=True, axes=axes)
+
+
+def least(turn, velocity, acceleration, jerk):
+    """Return the least duration from rest to rest by phases of constant jerk, s."""
+    if math.isinf(jerk):
+        peak = min(velocity, math.sqrt(turn * acceleration))
+        return turn / peak + peak / acceleration
+    low, high = 0.0, velocity
+    for _ in range(80):
+        peak = 0.5 * (low + high)
+        rise = 2.0 * math.sqrt(peak / jerk)
+        if peak > acceleration**2 / jerk:
+            rise = peak / acceleration + acceleration / jerk
+        low, high = (low, peak) if peak * rise > turn else (peak, high)
+    return turn / low + rise
+
+
+@pytest.mark.parametrize("gear", [1.0, -3.0])
+@pytest.mark.parametrize(
+    "limits",
+    [(1.0, 4.0, math.inf), (9.0, 4.0, math.inf), (1.0, 4.0, 30.0), (9.0, 4.0, 30.0), (9, 99, 30)],
+)
+def test_a_turn_is_as_fast_as_its_axis_permits(limits, gear):
+    table = Turntable(*(abs(gear) * one for one in limits), lambda turn: gear * turn)
+    best = least(2.0, *limits)
+    assert best < turned(table).duration < 1.004 * best
+
+
+def test_an_axis_that_turns_unevenly_keeps_its_limits_along_all_of_the_turn():
+    def angle(turn):
+        return turn + 0.4 * math.sin(3.0 * turn)
+
+    quick = turned(Turntable(1.0, 4.0, 60.0, angle))
+    times = np.arange(0.0, quick.duration, 1e-3)
+    turns = log(quick.trajectory.orientations(times))[:, 2]
+    angles = np.array([angle(one) for one in turns])
+    rates = [np.abs(np.diff(angles, order)).max() / 1e-3**order for order in (1, 2, 3)]
+    assert rates[0] <= 1.0
+    assert rates[1] <= 4.0 * 1.001
+    assert rates[2] <= 60.0 * 1.02
+    # Nearly always some limit is in use.
+    used = np.abs(np.diff(angles))[2:] / 1e-3, np.abs(np.diff(angles, 2))[1:] / 1e-3**2 / 4.0
+    used = np.maximum(np.maximum(*used), np.abs(np.diff(angles, 3)) / 1e-3**3 / 60.0)
+    assert np.mean(used > 0.95) > 0.9
+
+
+def test_a_tool_that_is_slower_than_the_axes_decides():
+    tool = Limits(0.5, 2.0, 20.0, 1.0, 10.0)
+    alone, both = (
+        turned(Turntable(velocity, 100.0, math.inf, lambda turn: turn), limits=tool).duration
+        for velocity in (1e3, 2.0)
+    )
+    assert both == pytest.approx(alone, rel=1e-3)
+
+
+def arm_path(random, jerk=math.inf):
+    """Return an arm, its joints and a straight path from there."""
+    arm = MODELS["ur5e"].arm()
+    arm = arm.slower(float(random.uniform(10.0, 40.0)))
+    joints = tuple((HOME + random.uniform(-0.5, 0.5, 6)).tolist())
+    q, position = (np.array(one) for one in arm.forward(joints))
+    end = State.at_rest(
+        multiply(q, exp(np.array(vector(random, 0.8)))),
+        position + np.array(vector(random, 0.1)),
+    )
+    return arm, joints, straight(State.at_rest(q, position), end)
+
+
+def test_the_axes_along_a_path_are_those_of_the_arm_everywhere():
+    random = np.random.default_rng(5)
+    for _ in range(10):
+        arm, joints, path = arm_path(random)
+        axes = Axes(arm, joints).along(path, joints, LIMITS["arm"])
+        times = random.uniform(0.0, path.duration, 50)
+        pieces = axes.pieces.reshape(-1, 6, 6)
+        for time in times:
+            k = int(np.searchsorted(axes.breaks, time, side="right")) - 1
+            u = time - axes.breaks[k]
+            q, place = path.trajectory.orientations(np.array([time])), path.positions.sample([time])
+            found = np.array(arm.nearest(tuple(q[0]), tuple(place[0][0]), joints))
+            assert pieces[k].T @ u ** np.arange(6) == pytest.approx(found, abs=1e-7)
+            # Against differences of the arm's own joints.
+            step = 1e-4
+            if step < time < path.duration - step:
+                around = np.array([time - step, time, time + step])
+                q, place = path.trajectory.orientations(around), path.positions.sample(around)[0]
+                poses = zip(q.tolist(), place.tolist(), strict=True)
+                three = np.array([arm.nearest(tuple(a), tuple(b), joints) for a, b in poses])
+                powers = np.arange(1, 6)
+                rate = pieces[k, 1:].T @ (powers * u ** (powers - 1))
+                assert rate == pytest.approx((three[2] - three[0]) / (2 * step), abs=1e-4)
+        assert axes.end == pytest.approx(
+            arm.nearest(
+                tuple(path.trajectory.orientations(np.array([path.duration]))[0]),
+                tuple(path.positions.last),
+                joints,
+            ),
+            abs=1e-9,
+        )
+
+
+def test_at_its_own_pace_a_path_takes_longer_by_what_the_worst_axis_needs():
+    random = np.random.default_rng(6)
+    for _ in range(10):
+        arm, joints, path = arm_path(random)
+        axes = Axes(arm, joints).along(path, joints, LIMITS["arm"])
+        times = np.linspace(0.0, path.duration, 4001)
+        poses = zip(
+            path.trajectory.orientations(times).tolist(),
+            path.positions.sample(times)[0].tolist(),
+            strict=True,
+        )
+        found = np.array([arm.nearest(tuple(q), tuple(place), joints) for q, place in poses])
+        step = times[1]
+        speed = np.abs(np.diff(found, axis=0)).max(0) / step
+        force = np.abs(np.diff(found, 2, axis=0)).max(0) / step**2
+        most = [(axis.velocity, axis.acceleration) for axis in arm.axes]
+        need = max(
+            np.max(speed / [one for one, _ in most]),
+            math.sqrt(np.max(force / [SHARE * one for _, one in most])),
+        )
+        assert axes.excess(PERIOD) == pytest.approx(need, rel=5e-3)
+
+
+def arm_request(random, jerk=math.inf, **fields):
+    """Return the planner of a random arm from rest, and a request for it."""
+    arm = MODELS["ur5e"].arm().slower(float(np.exp(random.uniform(np.log(8.0), np.log(40.0)))))
+    arm = replace(arm, axes=tuple(one._replace(jerk=jerk) for one in arm.axes))
+    joints = tuple((HOME + random.uniform(-0.6, 0.6, 6)).tolist())
+    q, position = (np.array(one) for one in arm.forward(joints))
+    walk, keyframes = np.array(joints), []
+    for _ in range(int(random.integers(1, 6))):
+        walk = walk + random.normal(0.0, 0.3, 6)
+        there = arm.forward(tuple(walk.tolist()))
+        keyframes.append(Keyframe(there[0], position=there[1]))
+    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
+    return planner, MotionRequest(keyframes, approach=True, **fields)
+
+
+def rates_of(motion, axes):
+    """Return the shares of the limits of all joints, by differences of the records."""
+    joints = motion.path.joints
+    shares = []
+    for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
+        limits = np.array([getattr(axis, name) for axis in axes])
+        shares.append(np.abs(np.diff(joints, order, axis=0)) / PERIOD**order / limits)
+    return shares
+
+
+@pytest.mark.parametrize("jerk", [math.inf, 400.0])
+def test_an_arm_uses_some_limit_nearly_always_and_exceeds_none(jerk):
+    random, used = np.random.default_rng(11), []
+    for _ in range(25):
+        planner, request = arm_request(random, jerk)
+        try:
+            motion = planner.plan(request)
+        except PlanError:
+            continue
+        speed, force, twist = rates_of(motion, planner.mechanism.axes)
+        assert speed.max() <= 1.001
+        assert force.max() <= 1.001
+        assert twist.max() <= 1.001
+        samples = motion.sample(PERIOD * np.arange(motion.record_count))
+        tool = [
+            np.linalg.norm(samples.omega_body, axis=1) / LIMITS["arm"].velocity,
+            np.linalg.norm(samples.alpha_body, axis=1) / LIMITS["arm"].acceleration,
+            np.linalg.norm(samples.velocity, axis=1) / LIMITS["arm"].linear_velocity,
+        ]
+        count = len(twist)
+        shares = [one.max(1)[-count:] for one in (speed, force, twist)]
+        shares += [one[-count:] for one in tool]
+        used.append(np.mean(np.max(shares, axis=0) > 0.8))
+    assert len(used) > 15
+    # At a joint's limit of the jerk the search may stop short of the optimum.
+    assert np.median(used) > (0.9 if math.isinf(jerk) else 0.8)
+
+
+def test_an_even_pace_of_an_arm_stays_even():
+    random = np.random.default_rng(3)
+    planner, request = arm_request(random, pace="even")
+    motion = planner.plan(request)
+    arm = planner.mechanism.slower(4.0)
+    slow = replace(planner, mechanism=arm)
+    slower = slow.fitted(slow.planned(request, Axes(arm, planner.joints)))
+    spans = [np.diff(one.keyframe_times) for one in (motion, slower)]
+    assert spans[1].sum() > 1.2 * spans[0].sum()
+    assert spans[1] / spans[1].sum() == pytest.approx(spans[0] / spans[0].sum(), abs=1e-3)
+
+
+def test_stops_at_keyframes_are_timed_for_the_axes_too():
+    """Back and forth, a curve would swing; with stops the joints still keep their limits."""
+    arm = MODELS["ur5e"].arm().slower(10.0)
+    joints = tuple(HOME.tolist())
+    q, position = (np.array(one) for one in arm.forward(joints))
+    turns = [np.array(one) for one in ((0.9, 0, 0), (0, 0, 0), (0, 0.9, 0), (0, 0, 0))]
+    keyframes = [Keyframe(tuple(multiply(q, exp(turn)).tolist())) for turn in turns]
+    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["quick"], PERIOD)
+    motion = planner.plan(MotionRequest(keyframes, approach=True))
+    speed, force, _ = rates_of(motion, arm.axes)
+    assert speed.max() <= 1.001
+    assert force.max() <= 1.001
+    for one, other in pairwise(motion.keyframe_times):
+        assert other > one
+
+
+def test_a_position_alone_moves_along_a_line():
+    arm, joints = MODELS["ur5e"].arm().slower(12.0), tuple(HOME.tolist())
+    q, position = (np.array(one) for one in arm.forward(joints))
+    goal = position + np.array([0.0, 0.12, 0.05])
+    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
+    motion = planner.plan(MotionRequest([Keyframe(tuple(q), position=tuple(goal))], approach=True))
+    samples = motion.sample(np.linspace(0.0, motion.duration, 200))
+    way = goal - position
+    along = (samples.position - position) @ way / (way @ way)
+    assert samples.position == pytest.approx(position + along[:, None] * way, abs=1e-9)
+    assert np.diff(along).min() >= -1e-12
+    assert samples.position[-1] == pytest.approx(goal, abs=1e-9)
+
+
+def test_a_path_out_of_reach_of_the_axes_is_refused():
+    arm, joints = MODELS["ur5e"].arm(), tuple(HOME.tolist())
+    q, position = (np.array(one) for one in arm.forward(joints))
+    end = State.at_rest(q, position + np.array([0.0, 0.0, 2.0]))
+    path = straight(State.at_rest(q, position), end)
+    with pytest.raises(PlanError, match="the axes do not reach the pose"):
+        Axes(arm, joints).along(path, joints, LIMITS["arm"])
+
+
+def test_close_to_a_straight_wrist_the_joints_keep_their_limits_in_one_plan():
+    """There the joints turn fastest, and their accelerations change within milliradians."""
+    arm = MODELS["ur5e"].arm().slower(15.0)
+    joints = (0.3, -1.3, 1.5, -1.7, -0.03, 0.4)
+    q, position = (np.array(one) for one in arm.forward(joints))
+    goal = Keyframe(tuple(multiply(q, exp(np.array([0.02, 1.2, 0.02]))).tolist()))
+    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
+    request = MotionRequest([goal], approach=True)
+    motion = planner.fitted(planner.planned(request, Axes(arm, joints)))
+    speed, force, _ = rates_of(motion, arm.axes)
+    assert 0.89 < max(speed.max(), force.max()) <= 1.001
