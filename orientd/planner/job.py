@@ -288,9 +288,12 @@ class PlanJob:
         Raises:
             PlanError: no lead-in keeps the limits.
         """
-        still = is_still(end.omega_body, end.alpha_body, self.limits)
-        if self.axes is not None and start.is_at_rest and still:
-            return self._straight_lead(start, end, near or self.axes.joints)
+        if self.axes is not None and start.is_at_rest:
+            near = near or self.axes.joints
+            turn, move = angle(start.q, end.q), end.position - start.position
+            is_elsewhere = max(float(turn), float(np.linalg.norm(move))) > SAME_PLACE
+            if is_elsewhere and is_still(end.omega_body, end.alpha_body, self.limits):
+                return self._straight_lead(start, end, near)
         find = partial(
             lead_in,
             start,
@@ -302,11 +305,12 @@ class PlanJob:
             is_even=self.is_even,
         )
         try:
-            return find(is_direct=is_direct)
+            found = find(is_direct=is_direct)
         except PlanError:
             if is_direct or not start.is_at_rest:
                 raise
-            return find(is_direct=True)
+            found = find(is_direct=True)
+        return replace(found, joints=near)
 
     def straight(self, start: State, end: State, near: Joints) -> tuple[KeyframePath, Joints]:
         """Return the fastest straight way from rest to rest elsewhere, and the axes at its end.
@@ -325,10 +329,7 @@ class PlanJob:
         return quickest(path, within, self.period, has_rests=True, axes=axes), axes.end
 
     def _straight_lead(self, start: State, end: State, near: Joints) -> LeadIn:
-        """Return the straight way from rest to rest as a lead-in."""
-        turn, move = angle(start.q, end.q), end.position - start.position
-        if max(float(turn), float(np.linalg.norm(move))) <= SAME_PLACE:
-            return LeadIn((), 0, PositionPath.held(end.position), near)
+        """Return the straight way from rest to rest elsewhere as a lead-in."""
         path, joints = self.straight(start, end, near)
         cycles = math.ceil(path.duration / self.period - _END_SLACK)
         path = path.slowed(cycles * self.period)

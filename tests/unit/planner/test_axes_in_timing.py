@@ -286,3 +286,11 @@ def test_close_to_a_straight_wrist_the_joints_keep_their_limits_in_one_plan():
     motion = planner.fitted(planner.planned(request, Axes(arm, joints)))
     speed, force, _ = rates_of(motion, arm.axes)
     assert 0.89 < max(speed.max(), force.max()) <= 1.001
+
+
+def test_a_motion_to_where_an_arm_stands_is_planned():
+    arm, joints = MODELS["ur5e"].arm(), tuple(HOME.tolist())
+    q, position = arm.forward(joints)
+    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
+    motion = planner.plan(MotionRequest([Keyframe(q, position=position)], approach=True))
+    assert np.ptp(motion.path.joints, axis=0).max() < 1e-9
