@@ -19,7 +19,7 @@ import numpy as np
 from orientd.driver import AxisLimits, Joints
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.mechanism import Gimbal, Mechanism
-from orientd.mechanism.arrays import orientations
+from orientd.mechanism.arrays import matrices, orientations, outer_line
 from orientd.mechanism.gimbal_route import pointing_error
 from orientd.mechanism.joint_path import JointPath, ToolLimits
 from orientd.mechanism.keep_out_slews import Clearance
@@ -62,6 +62,10 @@ A lead-in to times of the user is short and may pass very close to the pole.
 """
 _LONG = 1.5
 """Factor of the duration beyond which the planner tries to slow down the whole motion instead."""
+_HARDLY = 1.01
+"""Factor of the duration up to which no note says that the axes slow the motion down."""
+_FAR_FROM_POLE = 0.25
+"""Sine of the distance from its poles beyond which a gimbal is timed for tool and axes at once."""
 _DETOUR = 2.0
 """Factor of the time of the axes' turn together beyond which they turn together.
 
@@ -116,11 +120,12 @@ class Fitting:
         home = self.by_way(request)
         if home is not None:
             return home
-        if self.joints and self.start.is_at_rest and not isinstance(self.mechanism, Gimbal):
-            # In the one timing.  The tool's own lead-in may pass elsewhere, where the axes can.
-            with suppress(PlanError):
-                return self.fitted(self.planned(request, Axes(self.mechanism, self.joints)))
-        motion = self.planned(request)
+        # An arm's motion for the tool alone is made only where that is needed.
+        motion = self.planned(request) if isinstance(self.mechanism, Gimbal) else None
+        at_once = self._at_once(request, motion)
+        if at_once is not None:
+            return at_once
+        motion = motion or self.planned(request)
         try:
             found = self.followed(motion)
         except PlanError as error:
@@ -139,6 +144,33 @@ class Fitting:
             with suppress(PlanError):
                 return replace(self, free=free).followed(motion)
         raise refusal
+
+    def _at_once(self, request: MotionRequest, tool: Motion | None) -> Motion | None:
+        """Return the motion from rest that is timed for tool and axes at once, if they can follow.
+
+        Near a pole the axes of a gimbal may leave its path.
+
+        Args:
+            tool: the motion for the tool alone, of a gimbal.
+        """
+        if not self.joints or not self.start.is_at_rest:
+            return None
+        if tool is not None and (request.times is not None or self._is_near_pole(tool)):
+            return None
+        try:
+            found = self.fitted(self.planned(request, Axes(self.mechanism, self.joints)))
+        except PlanError:
+            # The tool's own lead-in may pass elsewhere, where the axes can.
+            return None
+        longer = 1.0 if tool is None else found.duration / tool.duration
+        return found.noted(_slower(longer)) if longer > _HARDLY else found
+
+    def _is_near_pole(self, tool: Motion) -> bool:
+        """Return whether a motion of a gimbal's tool comes near a pole."""
+        gimbal = cast("Gimbal", self.mechanism)
+        times = tool.period * np.arange(tool.record_count, dtype=np.float64)
+        _, distance = outer_line(gimbal, matrices(gimbal, tool.sample(times).q))
+        return gimbal.is_pointing or float(np.min(distance)) < _FAR_FROM_POLE
 
     def _without_detour(self, motion: Motion, found: Motion) -> Motion:
         """Return the turn of all axes together if the path of *motion* takes them longer.
@@ -248,7 +280,7 @@ class Fitting:
                 fitted = faster
         if fitted is None:
             raise refusal
-        return fitted.noted(f"the axes need {fitted.duration / motion.duration:.3f} times as long")
+        return fitted.noted(_slower(fitted.duration / motion.duration))
 
     def _paced(self, motion: Motion) -> Motion | None:
         """Return *motion* at the pace that suits the axes, if that fits.
@@ -268,10 +300,8 @@ class Fitting:
                 cycles = period * np.arange(len(path_times), dtype=np.float64)
                 along = np.interp(path.path_times, cycles, path_times)
                 longer = (len(path_times) - 1) * period / motion.duration
-                note = f"the axes need {longer:.3f} times as long"
-                return self._reshaped(
-                    motion, replace(path, path_times=along, notes=(*path.notes, note))
-                )
+                notes = *path.notes, _slower(longer)
+                return self._reshaped(motion, replace(path, path_times=along, notes=notes))
             except PlanError as error:
                 if refusal is None and is_timed:
                     # The pace tells how much time is missing.
@@ -425,7 +455,7 @@ class Fitting:
 
     def _reshaped(self, motion: Motion, path: JointPath) -> Motion:
         axes = self.mechanism.axes
-        rates = None if isinstance(self.mechanism, Gimbal) else self._rates(motion, path)
+        rates = self._rates(motion, path)
         found = reshaped(
             motion, path, axes, joints_before=self.before, joint_rates=self.rates, rates=rates
         )
@@ -436,9 +466,16 @@ class Fitting:
         error = float(np.max(pointing_error(self.mechanism, reached, found.request.keys)))
         return replace(found, certificate=replace(found.certificate, keyframe_error=error))
 
-    def _rates(self, motion: Motion, path: JointPath) -> Floats:
-        """Return the axis velocities at the records of *motion* at a pace, rad/s."""
+    def _rates(self, motion: Motion, path: JointPath) -> Floats | None:
+        """Return the axis velocities at the records of *motion* at a pace, rad/s.
+
+        They are those of the path itself; ``None`` if the axes leave it.
+        """
         times, step = path.path_times, _NEAR * motion.period
+        if isinstance(self.mechanism, Gimbal):
+            off = angle(path.q, motion.sample(np.minimum(times, motion.duration)).q)
+            if self.mechanism.is_pointing or float(np.max(off)) > SAME_ANGLE:
+                return None
         around = np.clip(times[:, None] + [-step, step], 0.0, motion.duration)
         samples = motion.sample(around.ravel())
         near = self.joints or tuple(path.joints[0].tolist())
@@ -447,10 +484,18 @@ class Fitting:
         spans = np.diff(around, axis=1)
         rates = np.divide(change, spans, out=np.zeros_like(change), where=spans > 0.0)
         rates *= np.gradient(times)[:, None] / motion.period
+        if isinstance(self.mechanism, Gimbal):
+            # On the other branch the inner axes turn the other way.
+            rates *= np.where(np.sum(rates * np.gradient(path.joints, axis=0), axis=0) < 0.0, -1, 1)
         rates[-1] = 0.0
         if self.start.is_at_rest:
             rates[0] = 0.0
         return rates
+
+
+def _slower(times: float) -> str:
+    """Return the note on a motion that its axes slow down."""
+    return f"the axes need {times:.3f} times as long"
 
 
 def _tool(limits: Limits) -> ToolLimits:

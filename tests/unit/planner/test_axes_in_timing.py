@@ -10,7 +10,7 @@ from planned import LIMITS, PERIOD, vector
 
 from orientd.driver import AxisLimits
 from orientd.errors import PlanError
-from orientd.mechanism import Mechanism
+from orientd.mechanism import Gimbal, Mechanism
 from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.planner.connect.leads import straight
 from orientd.planner.fitting import Fitting
@@ -294,3 +294,32 @@ def test_a_motion_to_where_an_arm_stands_is_planned():
     planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
     motion = planner.plan(MotionRequest([Keyframe(q, position=position)], approach=True))
     assert np.ptp(motion.path.joints, axis=0).max() < 1e-9
+
+
+def test_a_gimbal_away_from_its_poles_uses_some_limit_nearly_always_and_says_so():
+    random, used = np.random.default_rng(7), []
+    for _ in range(30):
+        axes = [
+            AxisLimits(name, -9.0, 9.0, random.uniform(1.5, 3.0), random.uniform(8.0, 30.0))
+            for name in ("yaw", "pitch", "roll")
+        ]
+        gimbal = Gimbal(axes, order="ZYX")
+        walk = random.uniform(-0.6, 0.6, 3)
+        joints, keyframes = tuple(walk.tolist()), []
+        for _ in range(int(random.integers(1, 5))):
+            walk = np.array([walk[0], 0.0, walk[2]]) + random.uniform(-0.6, 0.6, 3)
+            keyframes.append(Keyframe(gimbal.orientation(tuple(walk.tolist()))))
+        start = State.at_rest(gimbal.orientation(joints))
+        planner = Fitting(gimbal, start, joints, LIMITS["arm"], PERIOD)
+        request = MotionRequest(keyframes, approach=True)
+        motion, tool = planner.plan(request), planner.planned(request)
+        speed, force, _ = rates_of(motion, axes)
+        assert max(speed.max(), force.max()) <= 1.001
+        longer = motion.duration / tool.duration
+        assert longer > 0.97
+        if longer > 1.05:
+            assert f"the axes need {longer:.3f} times as long" in motion.certificate.notes
+            shares = np.maximum(speed[1:].max(1), force.max(1))
+            used.append(np.mean(shares > 0.8))
+    assert len(used) > 8
+    assert np.median(used) > 0.8
