@@ -1,4 +1,4 @@
-"""Clocks: the monotonic one of the machine, and one that tests move by hand."""
+"""The monotonic clock of the machine, and its name."""
 
 from __future__ import annotations
 
@@ -19,27 +19,6 @@ class MonotonicClock:
     """The machine's ``CLOCK_MONOTONIC``, in nanoseconds since an arbitrary start."""
 
     now_ns = staticmethod(time.monotonic_ns)
-
-
-class ManualClock:
-    """A clock that stands still until a test moves it."""
-
-    def __init__(self, start_ns: int = 0) -> None:
-        self._now_ns = start_ns
-
-    def now_ns(self) -> int:
-        """Return the time it was last moved to."""
-        return self._now_ns
-
-    def advance(self, step_ns: int) -> None:
-        """Move forward by *step_ns* nanoseconds.
-
-        Raises:
-            ValueError: *step_ns* is negative.
-        """
-        if step_ns < 0:
-            raise ValueError(f"step_ns must not be negative, got {step_ns}")
-        self._now_ns += step_ns
 
 
 def clock_name() -> str:

@@ -32,6 +32,8 @@ An error means that a call failed.  A fault means that a device stopped and wait
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import Enum, IntEnum
 from typing import Any, ClassVar
 
@@ -71,6 +73,16 @@ class OrientdError(Exception):
     def __reduce__(self) -> tuple[Any, ...]:
         # The constructor's arguments differ from the exception's: send the attributes instead.
         return _as_it_was, (type(self), self.args), self.__dict__
+
+
+@contextmanager
+def naming(what: str) -> Iterator[None]:
+    """Put the name of a file, a device or a daemon in front of an error."""
+    try:
+        yield
+    except OrientdError as error:
+        error.args = (f"{what}: {error}", *error.args[1:])
+        raise
 
 
 class RequestError(OrientdError, ValueError):

@@ -11,11 +11,9 @@ orientd.errors.RequestError: keyframes: expected at least 1, got 0; add one
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from orientd.errors import RequestError
+from orientd.errors import RequestError, naming
 from orientd.model.orientation import FORMS
 from orientd.model.reading import read_request as parse
 from orientd.model.reading import written
@@ -37,7 +35,7 @@ def load(path: str | Path) -> MotionRequest:
     """
     try:
         content = read_structured(Path(path))
-        with _naming(str(path)):
+        with naming(str(path)):
             return parse(content)
     except RequestError as error:
         if Path(path).suffix not in _RECORDINGS or not Path(path).is_file():
@@ -49,15 +47,5 @@ def load(path: str | Path) -> MotionRequest:
 def loads(content: bytes, name: str) -> MotionRequest:
     """Return the request in the *content* of a file called *name*; see :func:`load`."""
     read = parse_structured(content, name)
-    with _naming(name):
+    with naming(name):
         return parse(read)
-
-
-@contextmanager
-def _naming(source: str) -> Iterator[None]:
-    """Put the name of a file in front of an error."""
-    try:
-        yield
-    except RequestError as error:
-        error.args = (f"{source}: {error}",)
-        raise

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Self
 from orientd.client.daemon_clock import Offset
 from orientd.errors import OrientdError
 from orientd.recorder.session import DaemonRecorder, LiveRecording
-from orientd.recorder.writer import RecordingError
+from orientd.recorder.writer import RecordingError, RecordingWriter
 
 if TYPE_CHECKING:
-    from orientd.recorder.writer import RecordingWriter
     from orientd_fleet.client import Fleet
 
 _MOST_DAEMONS = 1000
@@ -67,7 +66,8 @@ class FleetRecording(LiveRecording):
         if self._daemons:
             self._fleet.find(self._daemons, timeout=0.0)
         kept: dict[str, Future[None]] = {}
-        with self._begin_file(time.time_ns() - time.monotonic_ns()) as writer:
+        offset_ns = time.time_ns() - time.monotonic_ns()
+        with RecordingWriter(self._path, offset_ns=offset_ns) as writer:
             while not self.ending.wait(_POLL if kept else 0.0):
                 for daemon in self._daemons or self._fleet.daemons:
                     if daemon not in kept:

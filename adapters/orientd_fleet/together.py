@@ -22,9 +22,9 @@ A file has a motion for each of several devices of several daemons:
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ from orientd import motion_file
 from orientd.client import MoveHandle, Robot
 from orientd.client.connection import StartAt
 from orientd.client.daemon_clock import Offset
-from orientd.errors import DaemonError, LateError, OrientdError, RequestError
+from orientd.errors import DaemonError, LateError, OrientdError, RequestError, naming
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import GOOD_OUTCOMES
 from orientd.structured_text import read_structured
@@ -193,13 +193,13 @@ def _take_leases(
     for daemon in dict.fromkeys(one.daemon for one in ordered):
         robots[daemon] = kept.enter_context(fleet.robot(daemon, holder=holder))
         devices = [one.device for one in ordered if one.daemon == daemon]
-        with _naming(daemon):
+        with naming(daemon):
             robots[daemon].acquire_lease(*devices)
     return robots
 
 
 def _plan(robot: Robot, one: FleetMotion) -> pb.Plan:
-    with _naming(str(one)):
+    with naming(str(one)):
         return robot.plan(one.request, device=one.device)
 
 
@@ -298,16 +298,6 @@ def _skew(
     # Each may be wrong by its own bound, and the two that count by both of theirs.
     widest = sum(sorted(bounds.values())[-2:]) if len(bounds) > 1 else 0
     return (max(instants) - min(instants)) * 1e-9, widest * 1e-9
-
-
-@contextmanager
-def _naming(what: str) -> Iterator[None]:
-    """Put the name of a daemon or a device in front of an error."""
-    try:
-        yield
-    except OrientdError as error:
-        error.args = (f"{what}: {error}", *error.args[1:])
-        raise
 
 
 def read_plan(path: Path) -> tuple[list[FleetMotion], float]:

@@ -321,12 +321,13 @@ class Mavlink:
         return source in self._holders
 
     def _is_for_us(self, gimbal: float) -> bool:
-        """Return whether a command is for this gimbal device; otherwise warn of it."""
-        if not _is_own(gimbal):
+        """Return whether a command is for this gimbal device, or for all; otherwise warn of it."""
+        is_for_us = math.isnan(gimbal) or gimbal in {0, GIMBAL_ID}
+        if not is_for_us:
             self._gimbal.deny(
                 f"a command for the gimbal device {gimbal:g} is denied: this one has id {GIMBAL_ID}"
             )
-        return _is_own(gimbal)
+        return is_for_us
 
 
 def holder(system: float, component: float, present: Source, source: Source) -> Source | None:
@@ -349,8 +350,3 @@ def holder(system: float, component: float, present: Source, source: Source) -> 
         return NOBODY
     is_valid = all(0.0 < one < 256.0 and one == int(one) for one in (system, component))
     return (int(system), int(component)) if is_valid else None
-
-
-def _is_own(gimbal: float) -> bool:
-    """Return whether a gimbal device id is ours; 0 is for all."""
-    return math.isnan(gimbal) or gimbal in {0, GIMBAL_ID}

@@ -12,7 +12,9 @@ from typing import Any
 
 from orientd.errors import OrientdError
 from orientd.files import MEBIBYTE, check_regular
+from orientd.one_line import one_line
 from orientd.recorder.mcap_file import Damages
+from orientd.recorder.reader import decoding
 from orientd.recorder.writer import RecordingError
 
 LEAVE_OUT = "`--partial` (in Python `partial=True`) leaves out such messages"
@@ -58,13 +60,11 @@ def messages(
             # An empty list would mean all of them.
             for connection, time, content in reader.messages(readable) if readable else ():
                 try:
-                    message = reader.deserialize(content, connection.msgtype)
-                except Exception as error:
+                    with decoding(path, f"a message of {connection.topic} at {1e-9 * time:.3f} s"):
+                        message = reader.deserialize(content, connection.msgtype)
+                except RecordingError as error:
                     if not partial:
-                        raise RecordingError(
-                            f"{path}: a message of {connection.topic} at {1e-9 * time:.3f} s is "
-                            f"damaged: {_text(error)}; {LEAVE_OUT}"
-                        ) from error
+                        raise RecordingError(f"{error}; {LEAVE_OUT}") from error
                     damages.lost += 1
                 else:
                     yield connection.topic, time, message
@@ -72,9 +72,10 @@ def messages(
         raise
     # Four libraries raise their own exceptions for damage.
     except Exception as error:
+        problem = one_line(str(error), 200) or type(error).__name__
         raise RecordingError(
-            f"{path}: not a ROS 2 bag that can be read: {_text(error)}; copy the whole bag again, "
-            "or repair it with `ros2 bag reindex`"
+            f"{path}: not a ROS 2 bag that can be read: {problem}; copy the whole bag again, or "
+            "repair it with `ros2 bag reindex`"
         ) from error
 
 
@@ -95,7 +96,3 @@ def _check_description(path: Path) -> None:
         file.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise RecordingError(f"{file}: not UTF-8: {error.reason}; save it as UTF-8") from error
-
-
-def _text(error: Exception) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -19,7 +19,7 @@ from orientd.cli.command import (
 )
 from orientd.cli.output import Output, working
 from orientd.cli.parameters import Argument, Option, command
-from orientd.errors import PlanError
+from orientd.errors import naming
 from orientd.one_line import counted
 
 if TYPE_CHECKING:
@@ -86,11 +86,8 @@ def replay(
         check_ending(output, [".json"], named="--output")
     with working(f"reading {file}"):
         found = read_orientations(file, topic, partial=partial)
-    with working(f"fitting {len(found.times)} samples"):
-        try:
-            fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
-        except PlanError as refusal:
-            raise PlanError(f"{file}: {refusal}") from refusal
+    with working(f"fitting {len(found.times)} samples"), naming(str(file)):
+        fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
     fitted = _figures(found, fit)
     out.say(
         *(f"note: {note}" for note in fitted["notes"]),

@@ -34,11 +34,7 @@ _BEHIND = math.radians(0.5)
 
 
 class Passes:
-    """Passes of known targets for one device.
-
-    Attributes:
-        targets: the known ones.
-    """
+    """Passes of known targets for one device."""
 
     def __init__(
         self,
@@ -57,7 +53,7 @@ class Passes:
             notify: takes lines for people.
         """
         self._served, self._ranges, self._notify = served, ranges, notify
-        self.targets = targets
+        self._targets = targets
         self._pass: Pass | None = None
         self._otherwise: Callable[[], None] = lambda: None
         self._motion: MoveHandle | None = None
@@ -81,7 +77,7 @@ class Passes:
             if (is_planned or self._is_followed(current)) and current.is_meant(now, point):
                 return True
         self._pass = None
-        found = find_pass(self.targets, now, point)
+        found = find_pass(self._targets, now, point)
         if found is None or _key(found) in self._refused or found.end < now + _SHORTEST:
             return False
         if problem := self._beyond(found, now):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from orientd.cli.parameters import Group
+from orientd.cli.parameters import ANYTHING, Group
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -95,7 +95,6 @@ def _failing(problem: str) -> click.Command:
     def fail() -> None:
         raise OrientdError(problem)
 
-    lax = {"ignore_unknown_options": True, "allow_extra_args": True}
     return click.Command(
-        None, callback=fail, help=problem, context_settings=lax, add_help_option=False
+        None, callback=fail, help=problem, context_settings=ANYTHING, add_help_option=False
     )

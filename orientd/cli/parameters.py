@@ -27,6 +27,9 @@ from orientd.spelling import did_you_mean
 Run = TypeVar("Run", bound=Callable[..., None])
 Kind = TypeVar("Kind", bound=click.Command)
 
+ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
+"""Settings of a command that takes whatever comes and says what to do instead."""
+
 
 class Group(click.Group):
     """A group of commands, in the order in which they were declared."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, SupportsFloat, TypeGuard
 import numpy as np
 
 from orientd.client.smoothing import smoothed_orientations, smoothed_positions
-from orientd.client.target_messages import CLOCK, Frame, is_in_world, orientation_of
+from orientd.client.target_messages import CLOCK, Frame, is_in_world, orientation_of, vector_of
 from orientd.client.tracking import Tracking
 from orientd.driver import IDENTITY, Vector3
 from orientd.driver import Quaternion as Orientation
@@ -242,7 +242,7 @@ class Playing(Tracking):
             self.close()
 
 
-def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]]]:
+def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[Vector3]]:
     """Return the orientations of *poses*, and their positions if all have one."""
     if is_rotation(poses):
         # SciPy's own order is scalar last.
@@ -252,11 +252,11 @@ def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]
     if isinstance(poses, Mapping | str) or not hasattr(poses, "__len__"):
         raise RequestError("poses", f"expected a sequence, got {type(poses).__name__}")
     orientations: list[Orientation] = []
-    places: list[list[float]] = []
+    places: list[Vector3] = []
     for k, pose in enumerate(poses):
         turn = pose
         if isinstance(pose, Mapping) and "position" in pose:
-            places.append(_three_numbers(f"poses[{k}].position", pose["position"]))
+            places.append(vector_of(pose["position"], f"poses[{k}].position"))
             turn = {key: entry for key, entry in pose.items() if key != "position"}
         if isinstance(turn, Mapping) and set(turn) == {"quaternion"}:
             turn = _components(turn["quaternion"]) or turn
@@ -273,8 +273,8 @@ def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]
 
 def _check_poses(
     orientations: Sequence[Orientation],
-    rates: Sequence[Sequence[float]],
-    places: Sequence[Sequence[float]],
+    rates: Sequence[Vector3],
+    places: Sequence[Vector3],
 ) -> None:
     """Check that there is a pose that the daemon does not skip.
 
@@ -282,8 +282,7 @@ def _check_poses(
         RequestError: there is none.
     """
     for k, q in enumerate(orientations):
-        omega = _vector(rates[k]) if rates else None
-        problem = pose_problem(q, omega, _vector(places[k]) if places else None)
+        problem = pose_problem(q, rates[k] if rates else None, places[k] if places else None)
         if not problem:
             return
     k = len(orientations) - 1
@@ -294,10 +293,10 @@ def _check_poses(
 def _smoothed(
     stamps: Sequence[int],
     orientations: list[Orientation],
-    places: list[list[float]],
+    places: list[Vector3],
     tolerance: float,
     position_tolerance: float,
-) -> tuple[list[Orientation], list[list[float]]]:
+) -> tuple[list[Orientation], list[Vector3]]:
     """Return a chunk smoothed within the tolerances; what the daemon skips stays as it is."""
     q = np.array(orientations)
     rows = np.array(places) if places else np.zeros((len(q), 3))
@@ -311,7 +310,7 @@ def _smoothed(
     if position_tolerance > 0.0:
         rows[valid] = smoothed_positions(seconds, rows[valid], position_tolerance)
     turned: list[Orientation] = [(w, x, y, z) for w, x, y, z in q.tolist()]
-    return turned, rows.tolist() if places else places
+    return turned, [(x, y, z) for x, y, z in rows.tolist()] if places else places
 
 
 def _components(given: object) -> Quaternion | None:
@@ -390,19 +389,14 @@ def _is_number(given: object) -> TypeGuard[float]:
     return isinstance(given, SupportsFloat) and not isinstance(given, bool | str)
 
 
-def _vector(row: Sequence[float]) -> Vector3:
-    x, y, z = row
-    return x, y, z
-
-
-def _rows(name: str, given: object, count: int) -> list[list[float]]:
+def _rows(name: str, given: object, count: int) -> list[Vector3]:
     """Return the rows of three numbers of an argument, one for each pose.
 
     Raises:
         RequestError: there are more or fewer rows, or one is not three numbers.
     """
     rows = _one_each(name, given, count)
-    return [_three_numbers(f"{name}[{k}]", row) for k, row in enumerate(rows)]
+    return [vector_of(row, f"{name}[{k}]") for k, row in enumerate(rows)]
 
 
 def _one_each(name: str, given: object, count: int) -> list[object]:
@@ -416,18 +410,3 @@ def _one_each(name: str, given: object, count: int) -> list[object]:
         return plain
     got = str(len(plain)) if isinstance(plain, list) else repr(plain)
     raise RequestError(name, f"expected {count}, one for each pose, got {got}")
-
-
-def _three_numbers(place: str, given: object) -> list[float]:
-    """Return a vector.
-
-    Raises:
-        RequestError: it is not three numbers.
-    """
-    plain = to_plain(given)
-    if isinstance(plain, list) and len(plain) == 3:
-        try:
-            return [float(number) for number in plain]
-        except (TypeError, ValueError):
-            pass
-    raise RequestError(place, f"expected three numbers, got {plain!r}; give x, y and z")

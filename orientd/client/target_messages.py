@@ -10,7 +10,7 @@ from orientd.driver import Vector3
 from orientd.errors import RequestError
 from orientd.model.keyframes import keyframe_mapping
 from orientd.model.orientation import FORMS
-from orientd.model.plain import joined
+from orientd.model.plain import joined, to_plain
 from orientd.model.reading import read_keyframe
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.targets import LONGEST_AGO, LONGEST_AHEAD, LONGEST_LIFE, stamp_problem
@@ -116,10 +116,11 @@ def vector_of(given: object, place: str) -> Vector3:
     Raises:
         RequestError: they are not three numbers.
     """
+    plain = to_plain(given)
     try:
-        x, y, z = map(float, given)  # type: ignore[call-overload] # whatever came
+        x, y, z = map(float, plain if isinstance(plain, list) else ())
     except (TypeError, ValueError):
-        problem = f"expected three numbers, got {given!r}; give x, y and z"
+        problem = f"expected three numbers, got {plain!r}; give x, y and z"
         raise RequestError(place, problem) from None
     return x, y, z
 

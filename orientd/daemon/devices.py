@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future, wait
+from functools import partial
 from typing import TYPE_CHECKING
 
 from orientd.client.stop_call import check_answered
@@ -34,10 +37,6 @@ from orientd.one_line import one_line
 
 if TYPE_CHECKING:
     from orientd.daemon.stops import StopFolder
-
-
-import threading
-from collections import OrderedDict
 
 KEPT_PLANS = 4
 """Plans kept for a later move; each takes as much memory as its request, and up to 14 MB more."""
@@ -149,9 +148,11 @@ class Devices:
         for name in devices:
             device = self.by_name[name]
             reason = f"the lease of {lease.who} {what}"
-            device.workers.stops.submit(_disown, device, lease.token, reason)
+            disown = partial(device.disown, lease.token, reason)
+            device.workers.stops.submit(_logged, disown, f"{name}: stop failed")
             if what == EXPIRED:
-                device.workers.commands.submit(_end_free, device)
+                problem = f"lease: cannot end hand guiding of {name}"
+                device.workers.commands.submit(_logged, device.end_free, problem)
 
     async def stopped(self, names: Iterable[str]) -> None:
         """Wait until every stop that was asked for before has reached its device."""
@@ -335,15 +336,9 @@ def _stop(
     return {device.name: device.workers.stops.submit(stop, device) for device in devices}
 
 
-def _disown(device: Device, token: str, reason: str) -> None:
+def _logged(act: Callable[[], object], problem: str) -> None:
+    """Call *act* in a thread of a device; log a *problem* if it is refused."""
     try:
-        device.disown(token, reason)
+        act()
     except OrientdError as error:
-        _log.warning("%s: stop failed: %s", device.name, error)
-
-
-def _end_free(device: Device) -> None:
-    try:
-        device.end_free()
-    except OrientdError as error:
-        _log.warning("lease: cannot end hand guiding of %s: %s", device.name, error)
+        _log.warning("%s: %s", problem, error)

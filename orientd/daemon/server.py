@@ -9,10 +9,10 @@ import gc
 import logging
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from grpclib.health.check import ServiceStatus
 
@@ -37,10 +37,6 @@ from orientd.protocol import control_pb2
 if TYPE_CHECKING:
     from orientd.daemon.calls.telemetry import Telemetry
     from orientd.daemon.device import Device, DeviceEvent
-
-
-from collections.abc import Iterator
-from typing import Any
 
 _log = logging.getLogger(__name__)
 

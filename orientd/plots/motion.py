@@ -13,11 +13,10 @@ from orientd.curves.contract import Curve
 from orientd.curves.keyframes import check_keys, resolve_times
 from orientd.curves.roles import CurveTask
 from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
-from orientd.plots.cones import draw_cones
 from orientd.plots.paper import INK, QUIET, check_format, new_figure, save
 from orientd.plots.punctuality import Timing, draw_histogram, draw_lateness
 from orientd.plots.sampling import traces_of, traces_of_motion
-from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
+from orientd.plots.triads import TriadStyle, draw_cones, draw_triads, turned_to_show
 from orientd.rotation import align
 
 if TYPE_CHECKING:

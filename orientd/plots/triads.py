@@ -2,11 +2,12 @@
 
 Nielson (1993), Figs. 10 and 11, draws an orientation function so: what the three tips trace, the
 samples numbered.  Hidden halves are paler and thinner here, and every axis has its own colour and
-mark.
+mark.  Keep-out cones show their edges, margins and names on the same sphere.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from orientd.keep_out import KeepOut
 from orientd.plots.labels import enumeration, grouped, places
-from orientd.plots.paper import AXES, GRID, INK, PAPER, QUIET, AxisStyle, Stroke
+from orientd.plots.paper import AXES, GRID, INK, LIMIT, PAPER, QUIET, AxisStyle, Stroke
 from orientd.plots.view import STANDARD_VIEW, Viewpoint
 from orientd.rotation import Floats, angle, rotate
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 MOST_NUMBERED = 16
 """Keyframes that are numbered one by one; of more, only some are."""
+
+_AROUND = np.linspace(0.0, 2.0 * math.pi, 145)
+"""Angles of the points of a cone's edge, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,3 +239,40 @@ def turned_to_show(q: Floats, style: TriadStyle, keep_out: Sequence[KeepOut] = (
     views = [Viewpoint(style.view.elevation, float(azimuth)) for azimuth in range(0, 360, 15)]
     seen = [np.count_nonzero(view.project(tips)[:, 2] > 0.0) for view in views]
     return replace(style, view=views[int(np.argmax(seen))])
+
+
+def draw_cones(axes: Axes, keep_out: Sequence[KeepOut], style: TriadStyle) -> None:
+    """Draw cones on a sphere of traces, each around its direction.
+
+    Args:
+        axes: the chart with the sphere.
+        keep_out: each with a fixed direction.
+        style: of the sphere.
+    """
+    for cone in keep_out:
+        direction = np.array(cone.direction_at(0))
+        edge = style.view.project(_circle(direction, cone.half_angle))
+        is_front = edge[:, 2] >= 0.0
+        axes.fill(*edge[:, :2].T, color=LIMIT, alpha=0.16 if is_front.any() else 0.05, zorder=0.9)
+        for is_shown, width in ((is_front, 1.4), (~is_front, 0.6)):
+            x, y = np.where(is_shown[:, None], edge[:, :2], np.nan).T
+            (line,) = axes.plot(x, y, color=LIMIT, linewidth=width, zorder=1.8)
+            line.set_gid(f"keep-out-{cone.name}")
+        if cone.margin:
+            margin = style.view.project(_circle(direction, cone.half_angle + cone.margin))
+            x, y = np.where(margin[:, 2:] >= 0.0, margin[:, :2], np.nan).T
+            axes.plot(x, y, color=LIMIT, linewidth=0.8, linestyle=(0.0, (3.0, 2.0)), zorder=1.8)
+        right, up, _ = style.view.project(direction)
+        axes.text(
+            right, up, cone.name, color=LIMIT, fontsize=8.5, ha="center", va="center", zorder=4.0
+        )
+
+
+def _circle(direction: Floats, radius: float) -> Floats:
+    """Return points of a circle around a direction on the unit sphere, shape ``(n, 3)``."""
+    across = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+    across /= np.linalg.norm(across)
+    other = np.cross(direction, across)
+    ring = np.cos(_AROUND)[:, None] * across + np.sin(_AROUND)[:, None] * other
+    found: Floats = math.cos(radius) * direction + math.sin(radius) * ring
+    return found

@@ -48,9 +48,6 @@ class LiveRecording:
         """End the recording, from any thread; a signal handler needs a thread of its own for it."""
         self.ending.set()
 
-    def _begin_file(self, offset_ns: int) -> RecordingWriter:
-        return RecordingWriter(self._path, offset_ns=offset_ns)
-
 
 class DaemonRecorder:
     """Writes the devices of one daemon to a file, which may have other writers.
@@ -192,7 +189,7 @@ class RecordingSession(LiveRecording):
             DaemonError: the daemon is lost; the file is complete up to there.
         """
         configuration = self._recorder.observer.configuration()
-        with self._begin_file(configuration.offset_ns) as writer:
+        with RecordingWriter(self._path, offset_ns=configuration.offset_ns) as writer:
             try:
                 self._recorder.run(writer, configuration, self)
             except DaemonError as error:

@@ -6,6 +6,7 @@ Stop and halt are always possible; everything else needs the lease.
 from __future__ import annotations
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -14,19 +15,21 @@ from typing import Any
 from orientd.client.robot import Robot
 from orientd.client.stop_call import ask_to_stop
 from orientd.errors import LeaseError, OrientdError
+from orientd.floats import combine, cross, norm
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.motion import to_cones
 from orientd.protocol.reports import samples
 from orientd.viewer import words
-from orientd.viewer.charts import charts_of
-from orientd.viewer.cones import edges
+from orientd.viewer.charts import SPAN, charts_of
 from orientd.viewer.server import PageServer
-from orientd.viewer.strips import SPAN
 from orientd.viewer.watcher import Sight, Watcher
 
 LONELY = 10.0
 """How long after the last page is closed the view gives the lease back, s."""
 
 _LOOK = 0.1
+_POINTS = 48
+"""Points of the edge of a cone."""
 
 
 class View:
@@ -218,3 +221,26 @@ def _path_of(plan: pb.Plan) -> dict[str, Any] | None:
     q, times = path.q.round(5).tolist(), path.times
     nearest = [int(abs(times - time).argmin()) for time in plan.keyframe_times]
     return {"q": q, "keyframes": [q[k] for k in nearest]}
+
+
+def edges(*messages: pb.KeepOut) -> list[dict[str, Any]]:
+    """Return name and edge of each cone now, on a sphere of radius 1 around the tool.
+
+    A later cone of the same name is left out: plans repeat those of the device.
+    """
+    named = {cone.name: cone for cone in reversed(to_cones(messages))}
+    now, found = time.time_ns(), []
+    for name, cone in named.items():
+        direction = cone.direction_at(now)
+        x, y, z = direction
+        across = cross(direction, (0.0, 0.0, 1.0) if abs(z) < 0.9 else (1.0, 0.0, 0.0))
+        across = combine(across, 1.0 / norm(across), across, 0.0)
+        other = cross(direction, across)
+        centre, radius = math.cos(cone.half_angle), math.sin(cone.half_angle)
+        ring = []
+        for k in range(_POINTS + 1):
+            turn = 2.0 * math.pi * k / _POINTS
+            side = combine(across, radius * math.cos(turn), other, radius * math.sin(turn))
+            ring.append([round(one, 4) for one in combine(direction, centre, side, 1.0)])
+        found.append({"name": name, "edge": ring, "middle": [x, y, z]})
+    return found

@@ -20,7 +20,7 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import STALE, CellReport, Outline
 from orientd.protocol.values import to_quaternion, to_vector
 from orientd.stream.records import Cycle
-from orientd.viewer.strips import Strips
+from orientd.viewer.charts import Strips
 
 BATCHES_HZ = 30.0
 POLL = 0.2

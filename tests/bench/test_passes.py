@@ -5,7 +5,7 @@ import pytest
 from reference.pass_search import least_loss
 
 import orientd
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.model.limits import DEFAULT_LIMITS
 from orientd.planner import DevicePlanner, State
 from orientd.rotation import rotate

@@ -2,7 +2,7 @@ import itertools
 
 import pytest
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.driver import Setpoint, driver_target, load_driver
 from orientd.errors import ConfigError
 from orientd.floats import difference, exp, norm

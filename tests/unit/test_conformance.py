@@ -11,8 +11,9 @@ from unittest import SkipTest
 
 import pytest
 
+from emulated_dynamixel import ManualClock
 from orientd import driver as offered
-from orientd.clock import ManualClock, MonotonicClock
+from orientd.clock import MonotonicClock
 from orientd.driver import (
     IDENTITY,
     AxisGap,

@@ -6,18 +6,14 @@ from typing import Annotated
 
 from orientd.cli.command import DeviceName, Endpoint
 from orientd.cli.output import Output
-from orientd.cli.parameters import Group, Option, part_of
+from orientd.cli.parameters import ANYTHING, Group, Option, part_of
 from orientd.errors import OrientdError
 
 lease = Group(name="lease", help="Take a lease away from its holder.")
 audit = Group(name="audit", help="No longer there.", hidden=True)
 
 
-_ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
-"""A command that is gone takes whatever it took."""
-
-
-@part_of(lease, hidden=True, context_settings=_ANYTHING)
+@part_of(lease, hidden=True, context_settings=ANYTHING)
 def give() -> None:
     """Report that leases can no longer be handed over."""
     raise OrientdError(
@@ -50,7 +46,7 @@ def seize(
     )
 
 
-@part_of(audit, context_settings=_ANYTHING)
+@part_of(audit, context_settings=ANYTHING)
 def verify() -> None:
     """Report that the audit log no longer has a chain."""
     raise OrientdError("the audit log is no chain any more: there is nothing to verify")

@@ -13,7 +13,7 @@ import click
 
 from orientd.cli.output import Output, table, working
 from orientd.cli.own_daemon import recorded, simulated
-from orientd.cli.parameters import Option, command_of
+from orientd.cli.parameters import ANYTHING, Option, command_of
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -82,8 +82,7 @@ def measure(
     out.answer({"scheduling": device.scheduling, **found}, f"servo: {device.scheduling}", *lines)
 
 
-_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}
-bench = command_of(click.Command, measure, name="bench", context_settings=_SETTINGS)
+bench = command_of(click.Command, measure, name="bench", context_settings=ANYTHING)
 
 
 def _start() -> float:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.config import AccessSettings
+from orientd.daemon.access.claim import is_same_file
 from orientd.daemon.log import BackgroundHandler, json_line
 from orientd.daemon.report_directory import report_directory
 from orientd.files import sync_name
@@ -111,10 +112,8 @@ class _OwnFile(RotatingFileHandler):
 
     def _follow(self) -> None:
         """Leave a file that another daemon has put aside."""
-        if self.stream is not None:
-            with suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(self.stream.fileno()), Path(self.baseFilename).stat()):
-                    return
+        file = self.stream
+        if file is not None and not is_same_file(file.fileno(), Path(self.baseFilename)):
             self._let_go()
 
     def _let_go(self) -> None:

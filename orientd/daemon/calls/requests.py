@@ -115,8 +115,8 @@ def _instant(time_ns: int) -> int:
     return time.monotonic_ns() + time_ns - time.time_ns()
 
 
-def moving(device: Device, what: str) -> Device:
-    """Return *device*, which is on a motion to do *what* to.
+def check_moving(device: Device, what: str) -> None:
+    """Check that *device* is on a motion to do *what* to.
 
     Raises:
         StateError: it is on none.
@@ -124,4 +124,3 @@ def moving(device: Device, what: str) -> Device:
     state = device.snapshot().state
     if state is not ServoState.STREAMING:
         raise StateError(f"device {device.name} is {state.name.lower()}: no motion to {what}")
-    return device

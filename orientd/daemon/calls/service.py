@@ -27,9 +27,9 @@ from orientd.daemon.access.identity import Caller
 from orientd.daemon.calls import report
 from orientd.daemon.calls.following import Following, read_targets
 from orientd.daemon.calls.requests import (
+    check_moving,
     interval,
     move_options,
-    moving,
     planning_timeout,
     sample_rate,
 )
@@ -429,58 +429,53 @@ class Service:
 
     async def Pause(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Pause a motion."""
-        async with self._commanded(request, caller) as (device, lease):
-            moving(device, "pause")
-            return await self._done(device, lease, "pause", device.pause)
+        return await self._command(request, caller, "pause", Device.pause, check=check_moving)
 
     async def Resume(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Resume a paused motion."""
-        async with self._commanded(request, caller) as (device, lease):
-            moving(device, "resume")
-            return await self._done(device, lease, "resume", device.resume)
+        return await self._command(request, caller, "resume", Device.resume, check=check_moving)
 
     async def SetSpeed(self, request: pb.SetSpeedRequest, caller: Caller) -> pb.CommandResponse:
         """Set the rate at which motions run."""
         speed = request.speed
         if not 0.0 < speed <= 1.0:
             raise RequestError("speed", f"expected more than 0 and at most 1, got {speed:g}")
-        async with self._commanded(request, caller) as (device, lease):
-            set_speed = partial(device.set_speed, speed)
-            return await self._done(device, lease, f"speed {speed:g}", set_speed)
+        return await self._command(
+            request, caller, f"speed {speed:g}", lambda device: device.set_speed(speed)
+        )
 
     async def Enable(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Make a device follow."""
-        async with self._commanded(request, caller) as (device, lease):
-            return await self._done(device, lease, "enable", device.enable)
+        return await self._command(request, caller, "enable", Device.enable)
 
     async def Disable(self, request: pb.DisableRequest, caller: Caller) -> pb.CommandResponse:
         """Leave a device at rest, no longer following."""
         what = "disable, to be moved by hand" if request.by_hand else "disable"
-        async with self._commanded(request, caller) as (device, lease):
-            disable = partial(device.disable, is_freed=request.by_hand)
-            return await self._done(device, lease, what, disable)
+        return await self._command(
+            request, caller, what, lambda device: device.disable(is_freed=request.by_hand)
+        )
 
     async def Reset(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Clear a fault."""
-        async with self._commanded(request, caller) as (device, lease):
-            return await self._done(device, lease, "reset", device.reset)
+        return await self._command(request, caller, "reset", Device.reset)
 
-    @contextlib.asynccontextmanager
-    async def _commanded(
-        self, request: _CommandRequest, caller: Caller
-    ) -> AsyncIterator[tuple[Device, Lease]]:
-        """Return the device of a command and its lease, once it is the turn of the command."""
+    async def _command(
+        self,
+        request: _CommandRequest,
+        caller: Caller,
+        what: str,
+        act: Callable[[Device], object],
+        *,
+        check: Callable[[Device, str], object] = lambda _device, _what: None,
+    ) -> pb.CommandResponse:
+        """Run *act* in a thread once it is its turn, and return the device's state afterwards."""
         device = self._devices.device(request.device)
         async with self._turns[device.name]:
-            yield device, self._devices.check(request.lease_token, device, caller.identity.key)
-
-    async def _done(
-        self, device: Device, lease: Lease, what: str, act: Callable[[], object]
-    ) -> pb.CommandResponse:
-        """Run *act* in a thread, and return the device's state afterwards."""
-        await device.workers.commands.run(act)
-        _log.info("%s: %s by %s", device.name, what, lease.who)
-        return pb.CommandResponse(device=report.device_report(device))
+            lease = self._devices.check(request.lease_token, device, caller.identity.key)
+            check(device, what)
+            await device.workers.commands.run(act, device)
+            _log.info("%s: %s by %s", device.name, what, lease.who)
+            return pb.CommandResponse(device=report.device_report(device))
 
     # Leases
 

@@ -427,19 +427,11 @@ class MotionQueue:
         elif following:
             # It came to rest before the servo had heard of the next one.
             try:
-                self.resume(following)
+                self.begin(following[0])
             except StateError as error:
                 self._stop(following, str(error))
-
-    def resume(self, motions: list[QueuedMotion]) -> None:
-        """Begin with the first of *motions* on a device at rest; others follow it.
-
-        Raises:
-            StateError: the servo does not take it.
-        """
-        first, *following = motions
-        self.begin(first)
-        self._motions += following
+            else:
+                self._motions += following[1:]
 
     def drop(self, text: str, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
         """Report the end of every motion."""

@@ -97,6 +97,7 @@ class ServoProcess:
         memory_locked: whether its memory is locked.
         health: how the device's parts are, as last heard.
         is_aborting: whether commands other than stops fail at once instead of waiting.
+        memory: shared with the process, also after its end; ``None`` before the first.
     """
 
     def __init__(
@@ -135,7 +136,7 @@ class ServoProcess:
         self._ready = threading.Event()
         self._has_ended = self.is_aborting = False
         self._process: subprocess.Popen[bytes] | None = None
-        self._memory: SharedMemory | None = None
+        self.memory: SharedMemory | None = None
         self._forget()
 
     def _forget(self) -> None:
@@ -167,16 +168,16 @@ class ServoProcess:
             raise DaemonError(GOING_DOWN)
         self._ready.clear()
         # A thread that still reads the old memory keeps it alive.
-        self._process = self._memory = None
+        self._process = self.memory = None
         self._forget()
         settings = self._process_settings()
         try:
-            self._memory = SharedMemory.create(settings.path_capacity, settings.cycle_capacity)
-            self._memory.beat(time.monotonic_ns())
-            self._process = self._begin(settings, self._memory.descriptor)
+            self.memory = SharedMemory.create(settings.path_capacity, settings.cycle_capacity)
+            self.memory.beat(time.monotonic_ns())
+            self._process = self._begin(settings, self.memory.descriptor)
         except OSError as error:
             missing = "no shared memory for the servo process"
-            what = missing if self._memory is None else "the servo process cannot be started"
+            what = missing if self.memory is None else "the servo process cannot be started"
             self.fail(Fault.SERVO_DIED, f"{what}: {error}")
             raise DaemonError(self.failure) from error
 
@@ -244,7 +245,7 @@ class ServoProcess:
         Raises:
             DaemonError: it does not.
         """
-        memory = self._memory
+        memory = self.memory
         if self._has_ended:
             raise DaemonError(GOING_DOWN)
         if memory is None or not self.is_alive:
@@ -256,8 +257,8 @@ class ServoProcess:
 
     def beat(self) -> None:
         """Tell the servo, if there is one, that the daemon is alive."""
-        if self._memory is not None:
-            self._memory.beat(time.monotonic_ns())
+        if self.memory is not None:
+            self.memory.beat(time.monotonic_ns())
 
     def end(self) -> None:
         """Stop on the path and end the process; kill it if that takes too long.
@@ -442,7 +443,7 @@ class ServoProcess:
 
     def _listen(self) -> None:
         """Read the notes that the servo has written since this was last called."""
-        memory = self._memory
+        memory = self.memory
         if memory is None:
             return
         with self._lock:
@@ -489,7 +490,7 @@ class ServoProcess:
 
     def last(self) -> Cycle | None:
         """Return the newest cycle, also of a process that has ended; ``None`` before the first."""
-        memory = self._memory
+        memory = self.memory
         while memory is not None and (head := memory.cycles.head):
             record = memory.cycles.read_bytes(head - 1)
             if record is not None:
@@ -519,26 +520,21 @@ class ServoProcess:
     @property
     def next_cycle(self) -> int:
         """Number of the next cycle; a restarted process begins with 0."""
-        memory = self._memory
+        memory = self.memory
         return 0 if memory is None else memory.cycles.head
 
     def cycle_records(self, since: int, limit: int) -> list[bytes]:
         """Return the records of cycles from number *since* on, as far as they are still known."""
-        memory = self._memory
+        memory = self.memory
         if memory is None:
             return []
         ring = memory.cycles
         first = max(since, ring.head - ring.capacity + 16, 0)
         return ring.records(first, first + limit)
 
-    @property
-    def memory(self) -> SharedMemory | None:
-        """The memory shared with the process, also after its end; ``None`` before the first."""
-        return self._memory
-
     def stops(self) -> list[Stop]:
         """Return the stops that the servo took by itself since this was last called."""
-        memory = self._memory
+        memory = self.memory
         if memory is None or memory.stops.head == self._stop_index:
             return []
         with self._lock:
@@ -550,7 +546,7 @@ class ServoProcess:
     @property
     def longest_calls(self) -> dict[str, float]:
         """How long the driver's longest ``read`` and ``write`` took, s; empty without a servo."""
-        memory = self._memory
+        memory = self.memory
         words = {"read": LONGEST_READ_WORD, "write": LONGEST_WRITE_WORD}
         return (
             {} if memory is None else {call: memory.pulse[at] * 1e-9 for call, at in words.items()}
@@ -559,7 +555,7 @@ class ServoProcess:
     @property
     def held_at(self) -> str:
         """Name of the keep-out cone that keeps the device from its target; empty if none does."""
-        memory, cones = self._memory, self._cones
+        memory, cones = self.memory, self._cones
         place = 0 if memory is None else memory.targets.words[HELD_WORD]
         return cones[place - 1].name if 0 < place <= len(cones) else ""
 
@@ -567,7 +563,7 @@ class ServoProcess:
 
     def read_notes(self) -> None:
         """Process the servo's notes since the last call."""
-        memory = self._memory
+        memory = self.memory
         if memory is None:
             return
         self._listen()
@@ -611,7 +607,7 @@ class ServoProcess:
                 self.ask(Command.ENABLE)
             except (StateError, DaemonError) as error:
                 problem = str(error)
-        if self._memory is not memory or not self.is_alive:
+        if self.memory is not memory or not self.is_alive:
             return  # it has ended meanwhile
         newest = self.newest()
         if problem and (newest is None or newest.state is not ServoState.FAULT):

@@ -99,7 +99,7 @@ class FakeServo(ServoProcess):
         self.now = cycle()
         self.final_index = 0
         self.during_start = lambda: None
-        self._memory = SharedMemory.create(8192, 256)
+        self.memory = SharedMemory.create(8192, 256)
 
     def newest(self):
         return self.now
@@ -123,11 +123,11 @@ class FakeServo(ServoProcess):
         return time.monotonic()
 
     def running(self):
-        return self._memory
+        return self.memory
 
     def tuning(self):
         """Return the newest options of the driver."""
-        ring = self._memory.tunings
+        ring = self.memory.tunings
         length, text = ring.read(ring.head - 1)[1:]
         return json.loads(text[:length])
 

@@ -12,8 +12,8 @@ import pytest
 from direct_planners import DirectPlanners, order_of
 from fake_device import FakeServo, servo_of, tend
 
+from emulated_dynamixel import ManualClock
 from orientd import config
-from orientd.clock import ManualClock
 from orientd.daemon.device import AT_ONCE, EventKind, MoveOptions
 from orientd.daemon.devices import KEPT_PLANS, Devices
 from orientd.errors import (

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.daemon.leases import Leases
 from orientd.errors import LeaseError, RequestError
 

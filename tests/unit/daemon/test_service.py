@@ -10,8 +10,8 @@ import pytest
 from direct_planners import DirectPlanners
 from fake_device import FakeServo, servo_of
 
+from emulated_dynamixel import ManualClock
 from orientd import config
-from orientd.clock import ManualClock
 from orientd.config import Role
 from orientd.daemon.access.identity import Caller, Identity
 from orientd.daemon.calls.service import Service

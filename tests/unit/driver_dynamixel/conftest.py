@@ -7,8 +7,7 @@ import pytest
 from rig import PERIOD, PERIOD_NS
 from rig import Rig as LoopRig
 
-from emulated_dynamixel import MODELS, Bus, EmulatedServo, SerialLine, VirtualPort
-from orientd.clock import ManualClock
+from emulated_dynamixel import MODELS, Bus, EmulatedServo, ManualClock, SerialLine, VirtualPort
 from orientd.driver import Setpoint
 from orientd.planner.recorded import joint_rates
 from orientd.servo.servo import Servo as ServoLoop

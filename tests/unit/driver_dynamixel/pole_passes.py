@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.planner import Limits
 from orientd_dynamixel import DynamixelDriver
 

@@ -13,11 +13,11 @@ from emulated_dynamixel import (
     Bus,
     EmulatedServo,
     FaultKind,
+    ManualClock,
     ReplyFault,
     SerialLine,
     VirtualPort,
 )
-from orientd.clock import ManualClock
 from orientd.driver import Verdict
 from orientd_dynamixel import doctor
 from orientd_dynamixel.bus import ServoBus

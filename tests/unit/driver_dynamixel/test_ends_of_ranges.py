@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LimitError
 from orientd.planner import DevicePlanner, Limits

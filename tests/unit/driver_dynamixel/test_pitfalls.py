@@ -66,12 +66,12 @@ from emulated_dynamixel import (  # noqa: E402
     Bus,
     EmulatedServo,
     FaultKind,
+    ManualClock,
     ReplyFault,
     SerialLine,
     VirtualPort,
 )
 from emulated_dynamixel.packet import status  # noqa: E402
-from orientd.clock import ManualClock  # noqa: E402
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError  # noqa: E402
 from orientd_dynamixel.bus import ServoBus, _unstuffed, open_bus  # noqa: E402
 from orientd_dynamixel.group import decode  # noqa: E402

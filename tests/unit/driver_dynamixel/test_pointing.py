@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from bench.pointing_requests import CLOSE, pointings
 
+from emulated_dynamixel import ManualClock
 from orientd import motion_file
-from orientd.clock import ManualClock
 from orientd.errors import LimitError
 from orientd.planner import DevicePlanner, Limits, State, plan
 from orientd.rotation import angle, exp, from_euler, rotate

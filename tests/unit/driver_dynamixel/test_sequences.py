@@ -6,8 +6,8 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
+from emulated_dynamixel import ManualClock
 from orientd import motion_file
-from orientd.clock import ManualClock
 from orientd.errors import LimitError, PlanError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import angle, rotate

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.errors import PlanError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import from_euler

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.errors import LimitError, StartError
 from orientd.mechanism.turning import windings
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.errors import LimitError, PlanError
 from orientd.floats import exp, log, multiply
 from orientd.mechanism.routing import route

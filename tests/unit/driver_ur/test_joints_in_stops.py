@@ -8,8 +8,8 @@ from arm_ride import ArmRide
 from joint_ride import HALF, KILLED, PAUSE, RANDOM, STOP, disturbed
 from rig import PERIOD, PERIOD_NS
 
+from emulated_dynamixel import ManualClock
 from orientd import rotation
-from orientd.clock import ManualClock
 from orientd.errors import PlanError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.tolerances import GUARD_TOLERANCE

@@ -7,8 +7,8 @@ import random
 import numpy as np
 import pytest
 
+from emulated_dynamixel import ManualClock
 from emulated_ur.arm import TICK, Arm, Tool
-from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd_ur import UrDriver
 

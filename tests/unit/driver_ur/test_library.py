@@ -8,7 +8,7 @@ import pytest
 from arms import RTDEReceiveInterface
 from ur_rig import driver_of, stream_of
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError, SpentLinkError
 from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS

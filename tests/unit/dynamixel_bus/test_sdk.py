@@ -8,11 +8,11 @@ from emulated_dynamixel import (  # noqa: E402
     XL330_M288,
     Bus,
     EmulatedServo,
+    ManualClock,
     SerialLine,
     VirtualPort,
 )
 from emulated_dynamixel.packet import Instruction  # noqa: E402
-from orientd.clock import ManualClock  # noqa: E402
 
 COMM_SUCCESS, COMM_RX_TIMEOUT = 0, -3001
 

@@ -1,7 +1,7 @@
 import random
 
+from emulated_dynamixel import ManualClock
 from orientd.client.daemon_clock import DRIFT
-from orientd.clock import ManualClock
 from orientd_fleet.client import ClockOffset
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.driver import AxisLimits, Driver
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError, StartError
 from orientd.mechanism import Gimbal, Mechanism, Reserve

@@ -9,7 +9,7 @@ from unittest import mock
 import numpy as np
 import rig
 
-from orientd.clock import ManualClock
+from emulated_dynamixel import ManualClock
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import rotate
 from orientd.servo.tracking.chunks import publish_chunk

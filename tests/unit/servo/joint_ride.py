@@ -4,8 +4,8 @@ import numpy as np
 from rides import servo_limits_of
 from rig import Rig
 
+from emulated_dynamixel import ManualClock
 from orientd import rotation
-from orientd.clock import ManualClock
 from orientd.servo.path.path_follower import PathPart
 from orientd.servo.servo import Servo
 from orientd.servo.watchdog import WatchdogTimeouts

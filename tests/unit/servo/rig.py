@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from emulated_dynamixel import ManualClock
 from orientd import rotation
-from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.keep_out import KeepOut
 from orientd.servo.keep_out_cones import KeepOutCones

@@ -7,8 +7,7 @@ from test_words import DEVICE, changed
 
 from orientd.planner import DEFAULT_LIMITS
 from orientd.protocol.limits import limits_to_message
-from orientd.viewer.charts import charts_of
-from orientd.viewer.strips import COLUMNS
+from orientd.viewer.charts import COLUMNS, charts_of
 
 BY_AXIS = changed(
     DEVICE, limits=limits_to_message(DEFAULT_LIMITS.with_rates({"velocity": (2.0, 1.0, 3.0)}))

@@ -8,7 +8,7 @@ import pytest
 from orientd.keep_out import KeepOut
 from orientd.protocol.motion import cone_message
 from orientd.sun import Sun
-from orientd.viewer.cones import edges
+from orientd.viewer.view import edges
 
 LASER = KeepOut("laser", (0.0, 0.6, 0.8), math.radians(15.0))
 

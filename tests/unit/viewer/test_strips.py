@@ -8,7 +8,7 @@ from fake_device import cycle
 
 from orientd.floats import exp
 from orientd.stream.records import CycleFlag
-from orientd.viewer.strips import COLUMNS, COUNT, SPAN, Strips
+from orientd.viewer.charts import COLUMNS, COUNT, SPAN, Strips
 
 PERIOD_NS = 2_000_000
 
