@@ -20,6 +20,7 @@ demo: $(VENV)/.user
 # terminal up to half a second late.  `make night` runs longer tests.
 CALCULATES = tests/unit tests/docs orientd adapters drivers sim
 SYSTEMS = tests/system tests/drivers tests/chaos tests/storm tests/bench
+LEROBOT = examples/lerobot_robot_orientd/tests
 VIRTUAL = $(SYSTEMS) tests/world tests/emulated
 AT_ONCE ?= 3
 PYTEST = $(BIN)/python -m pytest
@@ -33,7 +34,7 @@ test:
 	    $(BIN)/python tests/promises.py build/passed; exit $$status
 
 runs: $(VENV)/.dev
-	@$(PYTEST) --systems processes -n $(AT_ONCE) --dist loadfile $(SYSTEMS)
+	@$(PYTEST) --systems processes -n $(AT_ONCE) --dist loadfile $(SYSTEMS) $(LEROBOT)
 
 # A cache of its own: two runs at once write theirs.  What these tests print follows at the end.
 CALCULATE = nice -n 15 $(PYTEST) -o cache_dir=build/calculates -n logical
@@ -80,6 +81,7 @@ peers:
 	build/peers/bin/python tests/bench/compare_peers.py
 
 # The robot of examples/lerobot_robot_orientd, driven by LeRobot itself; its environment takes 8 GB.
+# `make test` runs the same tests with a stand-in for LeRobot.
 lerobot:
 	$(PYTHON) -m venv build/lerobot
 	build/lerobot/bin/python -m pip install --quiet --disable-pip-version-check \

@@ -98,7 +98,10 @@ def kind_of(item):
     """Return what a test of a whole system runs in or with."""
     if is_virtual(item):
         return "virtual"
-    folder = item.path.relative_to(Path(__file__).parent).parts[:-1]
+    tests = Path(__file__).parent
+    if not item.path.is_relative_to(tests):
+        return "processes"
+    folder = item.path.relative_to(tests).parts[:-1]
     if folder[0] in ("world", "emulated"):
         return "virtual"
     is_terminal = TERMINALS.intersection(item.fixturenames) or folder[-1] == "dynamixel"

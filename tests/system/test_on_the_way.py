@@ -24,13 +24,6 @@ pytestmark = pytest.mark.world
 Q = orientd.Quaternion
 
 
-@pytest.fixture(scope="module")
-def process(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
-
-
 class Daemon:
     """The daemon, of which only what is sent from now on counts."""
 
@@ -47,8 +40,8 @@ class Daemon:
 
 
 @pytest.fixture
-def daemon(process):
-    return Daemon(process)
+def daemon(daemon):
+    return Daemon(daemon)
 
 
 @pytest.fixture

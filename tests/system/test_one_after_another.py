@@ -6,7 +6,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from harness import DEVICE, DaemonProcess, peaks, read_recording
+from harness import DEVICE, peaks, read_recording
 
 import orientd
 from orientd import rotation
@@ -18,16 +18,9 @@ pytestmark = pytest.mark.world
 PLACES = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.1, 0.0)]
 
 
-@pytest.fixture(scope="module")
-def process(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
-
-
 @pytest.fixture
-def robot(process):
-    with orientd.connect(process.socket) as robot:
+def robot(daemon):
+    with orientd.connect(daemon.socket) as robot:
         if robot.state().devices[DEVICE].state == pb.STATE_FAULT:
             robot.reset()  # of a test that failed
         robot.move([key(0, 0, 0)], positions=PLACES[:1]).wait(20.0)
@@ -37,9 +30,9 @@ def robot(process):
 class Sent:
     """What the driver was sent from now on."""
 
-    def __init__(self, process):
-        self._process = process
-        self._before = process.at_rest()
+    def __init__(self, daemon):
+        self._process = daemon
+        self._before = daemon.at_rest()
 
     def poses(self):
         setpoints = read_recording(self._process.recording)[self._before :]
@@ -97,10 +90,10 @@ SLOW = {
 @pytest.mark.parametrize("has_positions", [False, True])
 @pytest.mark.parametrize("slow", SLOW)
 def test_a_blend_from_a_slow_motion_into_a_quick_one_stays_near_both(
-    process, robot, slow, has_positions
+    daemon, robot, slow, has_positions
 ):
     how, *turns = SLOW[slow]
-    q, sent, tolerance = legs(*turns), Sent(process), radians(5)
+    q, sent, tolerance = legs(*turns), Sent(daemon), radians(5)
     positions = PLACES if has_positions else None
     first = robot.move(
         quaternions(*q[:2]), **how, **({"positions": positions[:2]} if positions else {})
@@ -123,8 +116,8 @@ def test_a_blend_from_a_slow_motion_into_a_quick_one_stays_near_both(
     # Until the corner, the pace of the first motion holds.
     corner = int(np.argmin(rotation.angle(orientations, q[1])))
     usual = first.plan.certificate.peak_velocity.value
-    assert steps[: corner - 5].max() <= 1.011 * usual * process.period
-    assert steps.max() > 2.0 * usual * process.period
+    assert steps[: corner - 5].max() <= 1.011 * usual * daemon.period
+    assert steps.max() > 2.0 * usual * daemon.period
     sent.assert_limits_kept()
 
 
@@ -132,8 +125,8 @@ def test_a_blend_from_a_slow_motion_into_a_quick_one_stays_near_both(
     "narrow", [{"acceleration": 1.0}, {"jerk": 30.0}, {"linear_acceleration": 0.1}]
 )
 @pytest.mark.parametrize("blend", [0.0, 0.2])
-def test_a_queued_motion_may_have_narrower_limits(process, robot, narrow, blend):
-    q, sent = legs((0.0, 0.0, 1.0), (0.8, 0.0, 0.0)), Sent(process)
+def test_a_queued_motion_may_have_narrower_limits(daemon, robot, narrow, blend):
+    q, sent = legs((0.0, 0.0, 1.0), (0.8, 0.0, 0.0)), Sent(daemon)
     begins = {"start_time": time.time() + 3.0}
     first = robot.move(quaternions(*q[:2]), positions=PLACES[:2], **begins)
     second = robot.move(
@@ -150,7 +143,7 @@ def test_a_queued_motion_may_have_narrower_limits(process, robot, narrow, blend)
     if ended[0] == pb.OUTCOME_DONE:
         held = np.flatnonzero(rotation.angle(orientations, q[1]) < 1e-9)
         assert len(held) >= 3
-        _, acceleration, jerk = peaks(orientations[held[2] :], process.period)
+        _, acceleration, jerk = peaks(orientations[held[2] :], daemon.period)
         assert acceleration <= 1.001 * narrow.get("acceleration", 17.0)
         assert jerk <= 1.001 * narrow.get("jerk", 8500.0)
     sent.assert_limits_kept()
@@ -158,8 +151,8 @@ def test_a_queued_motion_may_have_narrower_limits(process, robot, narrow, blend)
 
 @pytest.mark.parametrize("has_positions", [False, True])
 @pytest.mark.parametrize("ends", [None, (1.2, 0.8), (1.2007, 0.8007)])
-def test_motions_join_at_their_end_velocities(process, robot, ends, has_positions):
-    sent = Sent(process)
+def test_motions_join_at_their_end_velocities(daemon, robot, ends, has_positions):
+    sent = Sent(daemon)
     angles, speeds = (0.0, 0.5, 1.0, 1.6), (None, 0.5, 0.8, None)
     times = (None, None, None) if ends is None else ([0, ends[0]], [0, ends[1]], [0, ends[0]])
     handles = []
@@ -180,9 +173,9 @@ def test_motions_join_at_their_end_velocities(process, robot, ends, has_position
     turned = rotation.log(orientations)[:, 2]
     for angle, speed in zip(angles[1:3], speeds[1:3], strict=True):
         at = int(np.argmin(np.abs(turned - angle)))
-        passed = (turned[at + 1] - turned[at - 1]) / (2.0 * process.period)
+        passed = (turned[at + 1] - turned[at - 1]) / (2.0 * daemon.period)
         # Over two cycles the acceleration changes it a little.
-        assert passed == pytest.approx(speed, abs=17.0 * process.period)
+        assert passed == pytest.approx(speed, abs=17.0 * daemon.period)
     assert turned.max() <= 1.6 + 1e-9
     sent.assert_limits_kept()
 

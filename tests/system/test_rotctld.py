@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 from harness import DEVICE, DaemonProcess, until
+from reference.pass_due import pass_due
 from rotator import Client, rotctld
 
 from orientd.client import connect
@@ -58,6 +59,24 @@ def test_north_and_ranges_are_as_given(daemon):
         client.await_position(220.0, 160.0)
         # 40 degrees clockwise from north, which is the world's y axis.
         assert ahead(daemon.device().cycle.q) == pytest.approx((0.6040, 0.7198, 0.3420), abs=1e-3)
+
+
+def test_what_hamlibs_client_sends_points_the_device(daemon):
+    """Lines and formats are those of Hamlib's ``netrotctl.c``."""
+    with rotctld(daemon, "--azimuth", "-10:450", "--elevation", "0:90") as client:
+        version, model, *settings, end = client.ask("\\dump_state", 9)
+        assert (int(version), int(model) > 0, end) == (1, True, "done")
+        ranges = dict(line.split("=") for line in settings)
+        assert [float(ranges[name]) for name in ("min_az", "max_az", "min_el", "max_el")] == [
+            -10.0, 450.0, 0.0, 90.0
+        ]  # fmt: skip
+        assert client.ask("_")[0].endswith(f": {DEVICE}")
+        for azimuth, elevation in ((370.0, 20.0), (95.25, 61.5)):
+            assert client.ask(f"P {azimuth:f} {elevation:f}") == ["RPRT 0"]
+            client.await_position(azimuth, elevation)
+        assert client.ask("S") == ["RPRT 0"]
+    until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+    assert ahead(daemon.device().cycle.q) == pytest.approx(asked(("95.25", "61.5")), abs=1e-3)
 
 
 def test_a_device_tips_over_at_the_zenith(daemon):
@@ -260,6 +279,32 @@ def test_positions_once_a_second_are_followed_without_a_stop_between(client, dae
     ]
     assert max(apart) < 0.5
     assert min(math.hypot(*one.omega_body) for one in late) > math.radians(2.0)
+
+
+@pytest.mark.parametrize(("elevation", "heading"), [(86.0, "north"), (50.0, "east")])
+def test_positions_as_gpredict_sends_them_keep_a_device_on_a_satellite(
+    client, daemon, elevation, heading
+):
+    """Every 200 ms gpredict asks for the position, and sends another if 0.1 degrees are missing."""
+    begin = time.time()
+    due = pass_due(begin + 25.0, elevation=elevation, heading=heading)
+    cycles = []
+    with connect(daemon.socket) as robot:
+        watched = robot.watch(DEVICE, rate_hz=5, decimation=25)
+        for k in range(200):
+            time.sleep(max(0.0, begin + 0.2 * k - time.time()))
+            there = client.position()
+            to = np.concatenate(due.directions([time.time()]))
+            if np.max(np.abs(to - there)) > 0.1:
+                assert client.ask("P {:.2f} {:.2f}".format(*to)) == ["RPRT 0"]
+            cycles += next(watched)
+    late = [one for one in cycles if one.deadline_ns * 1e-9 > cycles[0].deadline_ns * 1e-9 + 5.0]
+    clock = time.time() - time.monotonic()
+    directions = np.transpose(due.directions([one.deadline_ns * 1e-9 + clock for one in late]))
+    pointed = np.array([_ahead(one.q) for one in late])
+    apart = np.degrees(np.linalg.norm(pointed - [asked(to) for to in directions], axis=-1))
+    assert np.median(apart) < 0.05
+    assert np.quantile(apart, 0.95) < 0.15
 
 
 def _ahead(q):

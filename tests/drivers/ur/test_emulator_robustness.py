@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from ur_rig import is_alive, until
+from harness import is_alive
+from ur_rig import until
 
 from emulated_ur import LaunchError
 

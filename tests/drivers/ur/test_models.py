@@ -5,28 +5,20 @@ import random
 
 import numpy as np
 import pytest
-from ur_rig import device_of, driver_of, stream_of, until
+from ur_rig import device_of, driver_of, stream_of, unopened, until
 
 from emulated_ur import MODELS, EmulatedRobot
 from emulated_ur.arm.kinematics import Kinematics
 from emulated_ur.arm.transforms import from_pose, inverse
 from emulated_ur.arm.transforms import multiply as times
-from orientd.clock import MonotonicClock
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
 from orientd.mechanism.routing import route
-from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS as ARMS
 from orientd_ur.primary import ask
 from orientd_ur.probe import whereabouts
 
 STEP = 0.008
-
-
-def unopened(host, *, rate_hz=125, **options):
-    return UrDriver(
-        {"host": host, **options}, period_ns=round(1e9 / rate_hz), clock=MonotonicClock()
-    )
 
 
 def random_turn(generator, pose):
@@ -63,7 +55,7 @@ def follows(model, joints, tcp_offset, times_s, path):
 
 def decisions(robot, model, count):
     """For each of some random turns whether the driver takes it, and how hard it is."""
-    driver, place = unopened(robot.host), whereabouts(robot.host)
+    driver, place = unopened(robot.host, rate_hz=125), whereabouts(robot.host)
     for number in range(count):
         times_s, path = random_turn(random.Random(number), place.pose)
         turn, offset = place.tool
@@ -113,10 +105,10 @@ def test_controller_is_asked_for_its_arm_and_its_limits(ur_host):
 def test_another_arm_than_the_named_one_is_refused_in_words(ur_host):
     with EmulatedRobot(ur_host, "--model", "ur10e"):
         with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur3"):
-            unopened(ur_host, model="ur3").mechanism(may_ask=True)
+            unopened(ur_host, rate_hz=125, model="ur3").mechanism(may_ask=True)
         with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"):
-            unopened(ur_host, model="ur5e").open()
-        blind = unopened(ur_host, model="ur3", check_joints=False)
+            unopened(ur_host, rate_hz=125, model="ur5e").open()
+        blind = unopened(ur_host, rate_hz=125, model="ur3", check_joints=False)
         assert blind.mechanism(may_ask=True) is None
 
 

@@ -5,26 +5,18 @@ import signal
 import time
 
 import pytest
-from ur_rig import device_of, driver_of, fault_of, streaming, swing
+from ur_rig import device_of, driver_of, fault_of, streaming, swing, unopened
 
 from emulated_ur import EmulatedRobot
-from orientd.clock import MonotonicClock
 from orientd.driver import Verdict
 from orientd.errors import DeviceFaultError, Fault, LinkError
 from orientd.floats import difference, norm
-from orientd_ur import UrDriver
 
 pytest.importorskip("rtde_control")
 
 pytestmark = pytest.mark.world
 
 TOOL = [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]
-
-
-def unopened(host, *, rate_hz=500, **options):
-    return UrDriver(
-        {"host": host, **options}, period_ns=round(1e9 / rate_hz), clock=MonotonicClock()
-    )
 
 
 def rows_of(host, **options):

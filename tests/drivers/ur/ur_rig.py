@@ -3,7 +3,6 @@
 import math
 import time
 from contextlib import contextmanager
-from pathlib import Path
 
 import harness
 import numpy as np
@@ -123,14 +122,16 @@ def recover(device):
     assert device.snapshot().fault is Fault.NONE
 
 
+def unopened(host, *, rate_hz=500, **options):
+    """A driver that is not open yet."""
+    period_ns = round(1e9 / rate_hz)
+    return UrDriver({"host": host, **options}, period_ns=period_ns, clock=MonotonicClock())
+
+
 @contextmanager
-def driver_of(host, *, rate_hz=500, **options):
+def driver_of(host, **options):
     """A driver that is open."""
-    driver = UrDriver(
-        {"host": host, "watchdog_hz": 1.5, "feedback_timeout": 0.5, **options},
-        period_ns=round(1e9 / rate_hz),
-        clock=MonotonicClock(),
-    )
+    driver = unopened(host, **{"watchdog_hz": 1.5, "feedback_timeout": 0.5, **options})
     try:
         driver.open()
         yield driver
@@ -221,11 +222,3 @@ def bring(robot, joints):
     robot.ask(f"push {' '.join(map(str, joints))} 0.4")
     is_there = lambda s: s["is_still"] and math.dist(s["actual_q"], joints) < 1e-6  # noqa: E731
     return robot.wait_until(is_there)["actual_q"]
-
-
-def is_alive(pid):
-    """Whether a process runs; one that has ended and is not yet waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False

@@ -217,22 +217,18 @@ def test_next_to_nothing_is_loaded_before_a_stop_is_sent():
     assert set(done.stdout.split()) == {*ours, "orientd.first_stop"}
 
 
-def test_nothing_large_is_loaded_before_it_is_sent():
+@pytest.mark.parametrize(
+    ("modules", "large"),
+    [
+        ("orientd.cli.start, orientd.cli.urgent", "click grpc google numpy pydantic rich asyncio"),
+        ("orientd.client.robot, orientd.cli.texts", "numpy scipy pydantic yaml"),
+    ],
+    ids=["a stop", "a client that does not plan"],
+)
+def test_nothing_large_is_loaded_without_need(modules, large):
     program = (
-        "import sys\n"
-        "from orientd.cli import start, urgent\n"
-        "large = {'click', 'grpc', 'google', 'numpy', 'pydantic', 'rich', 'asyncio'}\n"
-        "print(*large & {name.split('.')[0] for name in sys.modules})"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (done.stdout, done.stderr) == ("\n", "")
-
-
-def test_a_client_that_does_not_plan_loads_nothing_that_plans():
-    program = (
-        "import sys, orientd.client.robot, orientd.cli.texts\n"
-        "large = {'numpy', 'scipy', 'pydantic', 'yaml'}\n"
-        "print(*large & {name.split('.')[0] for name in sys.modules})"
+        f"import sys, {modules}\n"
+        f"print(*{set(large.split())} & {{name.split('.')[0] for name in sys.modules}})"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("\n", "")

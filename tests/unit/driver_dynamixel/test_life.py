@@ -141,27 +141,23 @@ def test_silent_servo_keeps_no_other_from_losing_its_torque_at_the_end(rig):
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_torque_comes_on_for_all_or_for_none(rig, held):
+@pytest.mark.parametrize(
+    ("number", "address", "answer", "why"),
+    [
+        (3, 64, 0, r"servo 3 \(roll\) does not switch its torque on"),
+        (2, 98, 6, "beyond its limit"),  # the watchdog, once torque is on
+    ],
+)
+def test_torque_comes_on_for_all_or_for_none(rig, held, number, address, answer, why):
     it = rig()
     it.driver.open()
     if held:
         it.servo(1).write(64, b"\1", it.clock.now_ns())
-    write = it.servo(3).write
-    it.servo(3).write = lambda at, content, now: 0 if at == 64 else write(at, content, now)
-    with pytest.raises(DeviceFaultError, match=r"servo 3 \(roll\) does not switch its torque on"):
-        it.driver.enable()
-    assert torques(it) == [held, False, False]
-
-
-@pytest.mark.parametrize("held", [False, True])
-def test_torque_goes_off_again_if_a_watchdog_is_refused(rig, held):
-    it = rig()
-    it.driver.open()
-    if held:
-        it.servo(1).write(64, b"\1", it.clock.now_ns())
-    write = it.servo(2).write
-    it.servo(2).write = lambda at, content, now: 6 if at == 98 else write(at, content, now)
-    with pytest.raises(DeviceFaultError, match="beyond its limit"):
+    write = it.servo(number).write
+    it.servo(number).write = lambda at, content, now: (
+        answer if at == address else write(at, content, now)
+    )
+    with pytest.raises(DeviceFaultError, match=why):
         it.driver.enable()
     assert torques(it) == [held, False, False]
 
@@ -230,19 +226,14 @@ def test_others_are_read_on_when_one_has_started_again(rig):
         it.run(3)
 
 
-def test_setting_that_is_not_taken_is_named(rig):
+@pytest.mark.parametrize(
+    ("address", "why"), [(9, "keeps 250 at address 9, asked"), (180, "does not keep the map")]
+)
+def test_setting_that_is_not_taken_is_named(rig, address, why):
     it = rig()
     write = it.servo(2).write
-    it.servo(2).write = lambda at, content, now: 0 if at == 9 else write(at, content, now)
-    with pytest.raises(DeviceFaultError, match=r"servo 2 \(pitch\) keeps 250 at address 9, asked"):
-        it.driver.open()
-
-
-def test_map_that_is_not_taken_is_named(rig):
-    it = rig()
-    write = it.servo(2).write
-    it.servo(2).write = lambda at, content, now: 0 if at == 180 else write(at, content, now)
-    with pytest.raises(DeviceFaultError, match=r"servo 2 \(pitch\) does not keep the map"):
+    it.servo(2).write = lambda at, content, now: 0 if at == address else write(at, content, now)
+    with pytest.raises(DeviceFaultError, match=rf"servo 2 \(pitch\) {why}"):
         it.driver.open()
 
 

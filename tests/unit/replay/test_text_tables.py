@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import warnings
 
 import numpy as np
 import pytest
@@ -25,13 +24,6 @@ EUROC = (
     "q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1]"
 )
 TUM = "# timestamp tx ty tz qx qy qz qw"
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def seconds(ns):

@@ -1,0 +1,4 @@
+"""Types of actions and observations."""
+
+RobotAction = dict
+RobotObservation = dict

@@ -1,0 +1,1 @@
+"""Errors, decorators and plugins."""
