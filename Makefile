@@ -63,9 +63,11 @@ docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -W --keep-going -q -j auto -b html docs build/docs
 	@echo "open build/docs/index.html"
 
-# What takes too long for `make test`: all of it, or one of its runs.
-night: $(VENV)/.dev
+# What takes too long for `make test`: all of it, or one of its runs.  `follow` also builds the site.
+night: $(VENV)/.dev $(VENV)/.docs
 	$(BIN)/python tests/night.py
+
+follow: $(VENV)/.docs
 
 $(NIGHT): $(VENV)/.dev
 	$(BIN)/python tests/night.py $@

@@ -93,15 +93,16 @@ def interpolate(
 
 
 def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> list[Spline]:
-    """Return other solutions, in which one inner increment of more than pi has fewer whole turns.
+    """Return other solutions, in which one long inner increment has fewer whole turns.
 
-    With fast ends, the continuation from small steps may add useless turns.
+    With fast ends, the continuation from small steps may add useless turns.  An increment of more
+    than pi / 2 turns by more than half a revolution, so it may have gone the wrong way round.
     """
     found, outer = [], (order - 1) // 2
     for j in range(outer, len(w) - outer):
         length = float(np.sqrt(np.sum(w[j] ** 2)))
         least = int(length / (2.0 * np.pi))
-        for turns in (least, least + 1) if length > np.pi else ():
+        for turns in (least, least + 1) if length > np.pi / 2.0 else ():
             near = w.copy()
             near[j] *= 1.0 - 2.0 * np.pi * turns / length
             with suppress(PlanError):

@@ -10,7 +10,7 @@ NAMES = regenerate.names()
 SEARCHES = {"nielson_shieh": 1e-2, "spherical_quadratic": 1e-2}
 """Families that end a search: relative tolerance of their figures."""
 
-FEW = ("clustered", "fly_through", "rest_to_rest")
+FEW = ("boomerang", "clustered", "fly_through", "rest_to_rest")
 """Sequences on which the families that take long are tried each time."""
 
 FIGURES = regenerate.COLUMNS[2:-1]

@@ -7,6 +7,9 @@ driver, so that a test fails whose servo breaks one of these rules, whatever the
 * orientation, position and axes are continuous, from rest to rest;
 * a device with a fault comes to rest, and then stays there until it is enabled again;
 * a device that is let go is at rest.
+
+A device whose setpoints have joints is at rest while its axes stand.  At the end of a stop between
+two records of its path, the servo sets the pose to that of the axes.
 """
 
 from __future__ import annotations
@@ -92,8 +95,13 @@ class Judge:
 
     def is_moving(self, now_ns):
         """Return whether the setpoints move the device."""
-        speeds = (*self._turns[0], *self._moves[0])
-        return self.is_led(now_ns) and any(abs(speed) > AT_REST for speed in speeds)
+        return self.is_led(now_ns) and any(abs(speed) > AT_REST for speed in self._speeds())
+
+    def _speeds(self):
+        """Return the velocities of the axes, or those of tool and position if there are none."""
+        if self._joint_rates is not None:
+            return [speed for speed, _ in self._joint_rates]
+        return [*self._turns[0], *self._moves[0]]
 
     def slows(self, q):
         """Return whether the device would be at half of its speed, or less, at an orientation."""
@@ -123,7 +131,7 @@ class Judge:
             if not self.is_moving(now_ns):
                 self._rest_by_ns = 0
             elif now_ns > self._rest_by_ns:
-                self.violate(f"moves after a fault at {math.hypot(*self._turns[0]):.3g} rad/s")
+                self.violate(f"moves after a fault at {math.hypot(*self._speeds()):.3g} rad/s")
 
     def _look(self, kind, step, before, rounding):
         """Differentiate a step, and compare each rate with its limit; return the rates."""

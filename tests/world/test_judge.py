@@ -17,13 +17,15 @@ class Sent:
 
     def __init__(self):
         self.found, self.now_ns, self.angle, self.speed = [], 10**9, 0.0, 0.0
+        self.difference = 0.0  # of the pose from that of the axis, rad
         self.judge = Judge(LIMITS, PERIOD_NS * 1e-9, self.found.append)
         self.judge.axes = (YAW,)
         self.take()
 
     def take(self, position=(0.0, 0.0, 0.0)):
         self.now_ns += PERIOD_NS
-        q = (math.cos(0.5 * self.angle), 0.0, 0.0, math.sin(0.5 * self.angle))
+        angle = self.angle + self.difference
+        q = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
         self.judge.take(self.now_ns, q, position, (self.angle,))
 
     def speed_up(self, speed, *, jerk=900.0):
@@ -112,6 +114,22 @@ def test_a_device_that_keeps_moving_after_a_fault_is_found(sent):
     sent.judge.fail(sent.now_ns)
     sent.turn(1.1)
     assert sent.found[0].startswith("moves after a fault")
+
+
+def test_an_axis_that_stands_is_at_rest_while_its_pose_is_corrected(sent):
+    sent.judge.fail(sent.now_ns)
+    sent.turn()
+    sent.difference = 1e-8
+    sent.turn()
+    assert sent.found == []
+
+
+def test_an_axis_that_turns_after_a_fault_is_found_though_its_pose_stands(sent):
+    sent.judge.fail(sent.now_ns)
+    sent.turn()
+    sent.angle, sent.difference = 1e-8, -1e-8
+    sent.turn()
+    assert sent.found == ["moves after a fault at 5e-06 rad/s"]
 
 
 def test_a_device_that_is_let_go_in_motion_is_found(sent):
