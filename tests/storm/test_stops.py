@@ -22,7 +22,7 @@ import pytest
 from authority import OPENSSL, Authority
 from browser import CHROMIUM, open_browser, page_of, view_of
 from command_line import orientd as orientd_command
-from harness import DaemonProcess, free_port, resident_kib, spin, until
+from harness import DEVICE, DaemonProcess, free_port, resident_kib, spin, until
 
 import orientd
 from orientd.client.stop_call import ask_to_stop
@@ -237,6 +237,13 @@ def way(request, daemon):
         page_of(view, browser, 900, 400) as daemon.page,
     ):
         yield request.param
+
+
+@pytest.fixture(autouse=True)
+def without_fault(daemon):
+    """Clear the fault of a test that has failed: the next ones fail for their own reasons."""
+    if daemon.device().state == pb.STATE_FAULT:
+        daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
 
 
 @pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.__name__)
