@@ -55,8 +55,15 @@ int find_profile(const profile_path_t *path, double begin, double gap, row_t coe
 
 /* profile_shares.c */
 
-/* A limited rate along the path: derivatives of its quantity, and its limit. */
-typedef struct { const double *first, *second; index_t axis; double limit; int order; } rate_t;
+/* A limited rate along the path: derivatives of its quantity, its limit, and the axis of a mechanism
+ * that it belongs to, or -1. */
+typedef struct {
+    const double *first, *second;
+    index_t axis;
+    double limit;
+    int order;
+    index_t at;
+} rate_t;
 enum { ALL_AXES = -1, MOST_RATES = 14 + 3 * MOST_AXES };
 
 /* Write the rates that are limited, of orders 1 to 3, and return how many there are. */
@@ -67,5 +74,9 @@ int put_limited(const profile_path_t *path, rate_t rates[MOST_RATES]);
  * values, slopes: of y at the nodes, shape (n + 1,).  */
 void put_shares(const profile_path_t *path, const double *values, const double *slopes,
                 matrix_t shares);
+
+/* Take away limits of axes of which a profile has less than a share; return whether none is left. */
+bool free_axes(const profile_path_t *path, const double *values, const double *slopes,
+               double share);
 
 #endif

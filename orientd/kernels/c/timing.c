@@ -40,6 +40,7 @@ enum { GAPS = sizeof gaps / sizeof *gaps };
 #define CHANGE 0.5          /* of the squared rate in an element */
 #define MISSED 1.01         /* share of a limit between the places that were looked at */
 #define GIVEN 1.0002        /* share of a limit that is used where an end is at it */
+#define MAY_LIMIT 0.6       /* share of an axis' limit in a profile of the tool alone */
 #define EASE 3.0            /* one over the share of the mesh near an end that moves */
 #define ROUNDING 1e-13
 #define WHOLE 1e-9          /* of a period */
@@ -51,7 +52,7 @@ typedef struct {
     double begin, end, last, leaves[2], total;
     bool moves[2];
     struct { double omega[3], alpha[3]; } ends[2];
-    bool has_free_jerk;   /* of the axes, for a first profile: the problem is nearly convex then */
+    matrix_t axis_limits;  /* of the axes that may be in the way */
 } part_t;
 
 /* A profile on its mesh. */
@@ -177,7 +178,7 @@ static int put_derivatives(const part_t *part, const mesh_t *mesh, profile_path_
                            double **memory) {
     const timing_t *asked = part->asked;
     index_t n = mesh->n, spots = 2 * n + 1, moving = asked->moves.n ? spots : 0;
-    index_t axes = asked->axis_limits.m, angles = (axes + 2) / 3 * 3 * spots;
+    index_t axes = part->axis_limits.m, angles = (axes + 2) / 3 * 3 * spots;
     double *next = malloc((size_t)(n + 21 * spots + 6 * moving + 2 * angles) * sizeof *next);
     *memory = next;
     if (next == NULL)
@@ -190,7 +191,7 @@ static int put_derivatives(const part_t *part, const mesh_t *mesh, profile_path_
         .limits = asked->limits, .move_limits = asked->move_limits,
         .aims = {row(mesh, AIMS), 3, n + 2},
         .has_start = part->moves[0], .has_end = part->moves[1],
-        .axis_limits = {asked->axis_limits.v, asked->axis_limits.n - part->has_free_jerk, axes},
+        .axis_limits = part->axis_limits,
     };
     next += n + 6 * (spots + moving);
     path->axis_first = next, path->axis_second = next + angles;
@@ -471,16 +472,42 @@ static bool exceeds(const mesh_t *mesh) {
     return false;
 }
 
+/* Leave the axes that a profile of the tool alone brings near to their limits; return how that went. */
+static int choose_axes(part_t *part, const mesh_t *mesh) {
+    profile_path_t path;
+    double *memory;
+    int failed = put_derivatives(part, mesh, &path, &memory);
+    if (!failed && free_axes(&path, row(mesh, VALUES), row(mesh, SLOPES), MAY_LIMIT))
+        part->axis_limits.m = 0;
+    free(memory);
+    return failed;
+}
+
+/* Find a first profile: of the tool, then with the axes that limit it, and then with their jerk, which
+ * is far from convex. */
+static int solve_with_axes(part_t *part, mesh_t *mesh) {
+    matrix_t limits = part->axis_limits;
+    part->axis_limits.m = 0;
+    int found = solve(part, mesh, false, 1.0, gaps[0]);
+    if (!limits.m || found != PROFILE_FOUND)
+        return found;
+    part->axis_limits = limits;
+    found = choose_axes(part, mesh);
+    if (found == OUT_OF_MEMORY || !part->axis_limits.m)
+        return found == OUT_OF_MEMORY ? found : PROFILE_FOUND;
+    part->axis_limits.n = 2;
+    found = solve(part, mesh, true, 1.0, gaps[0]);
+    part->axis_limits.n = 3;
+    double least = INFINITY;
+    for (index_t k = 0; k < limits.m; k++)
+        least = fmin(least, row_of(limits, 2)[k]);
+    return found == PROFILE_FOUND && least < INFINITY ? solve(part, mesh, true, 1.0, gaps[0]) : found;
+}
+
 /* Find the quickest profile on ever narrower meshes. */
-static int search(const part_t *part, mesh_t *mesh) {
+static int search(part_t *part, mesh_t *mesh) {
     index_t count = 0, budget = BUDGET + BUDGET_OF_INTERVAL * (part->knots.n - 1);
-    part_t rough = *part;
-    rough.has_free_jerk = true;
-    int found = solve(&rough, mesh, false, 1.0, gaps[0]);
-    /* With the jerk of the axes from far inside; but what an end has cannot be slowed down. */
-    bool is_free = !part->moves[0] && !part->moves[1];
-    if (found == PROFILE_FOUND && is_free && part->asked->axis_limits.m)
-        found = solve(part, mesh, true, 1.0, gaps[0]);
+    int found = solve_with_axes(part, mesh);
     put_nodes(mesh);
     for (int round = 0; found == PROFILE_FOUND; round++) {
         double gap = gaps[round < GAPS ? round : GAPS - 1], next = gaps[round + 1 < GAPS ? round + 1 : GAPS - 1];
@@ -529,7 +556,11 @@ static void stretch(const part_t *part, mesh_t *mesh, double total, const double
     }
 }
 
-static int time_part(const part_t *part, matrix_t known, mesh_t *mesh) {
+static int time_part(part_t *part, matrix_t known, mesh_t *mesh) {
+    /* A part has limits of its own: those of axes that are never near them are taken away. */
+    double limits[3 * MOST_AXES];
+    part->axis_limits = (matrix_t){limits, 3, part->asked->axis_limits.m};
+    memcpy(limits, part->asked->axis_limits.v, (size_t)(3 * part->axis_limits.m) * sizeof *limits);
     int found = PROFILE_NOT_FOUND;
     if (known.n > 0) {
         if (!new_mesh(mesh, known.m - 2))
