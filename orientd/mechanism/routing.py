@@ -186,20 +186,39 @@ def _followed(
     """Return the axis angles for every pose exactly, on the initial branch."""
     axes = mechanism.axes
     joints = joints_along(mechanism, period, q, position, near)
+    check_way(mechanism, joints, period)
+    peaks = list(axis_peaks(joints, period, axes, past))
+    refuse_rates(peaks, _TIME_ADVICE)
+    times = period * np.arange(len(joints), dtype=np.float64)
+    return certified(JointPath(period, joints, q, times), peaks)
+
+
+def check_way(
+    mechanism: Mechanism, joints: Floats, period: float, *, is_dense: bool = True
+) -> None:
+    """Check that the axes can go along a path, at whatever pace.
+
+    Args:
+        mechanism: any but a gimbal, whose axes may also go along it on other turns.
+        joints: axis angles along the path, rad, shape ``(n, axes)``.
+        period: time between two rows, s.
+        is_dense: whether neighbouring rows are close, unless an axis jumps.
+
+    Raises:
+        LimitError: an axis leaves its range.
+        PlanError: it jumps, or comes too near to a singularity.
+    """
+    axes = mechanism.axes
     low, high = np.array([(axis.low, axis.high) for axis in axes]).T
     outside = np.any((joints < low) | (joints > high), axis=1)
     if np.any(outside):
         at = int(np.argmax(outside))
         refuse_range(joints[at].tolist(), axes, at * period, _RANGE_ADVICE)
     steps = np.abs(np.diff(joints, axis=0))
-    if len(steps) and np.max(steps) > _LONGEST_STEP:
+    if is_dense and len(steps) and np.max(steps) > _LONGEST_STEP:
         row, place = np.unravel_index(int(np.argmax(steps > _LONGEST_STEP)), steps.shape)
         raise PlanError(f"{axes[place].name} would have to jump at {(row + 1) * period:.4f} s")
     _refuse_singular(mechanism, joints, period)
-    peaks = list(axis_peaks(joints, period, axes, past))
-    refuse_rates(peaks, _TIME_ADVICE)
-    times = period * np.arange(len(joints), dtype=np.float64)
-    return certified(JointPath(period, joints, q, times), peaks)
 
 
 def _refuse_singular(mechanism: Mechanism, joints: Floats, period: float) -> None:

@@ -407,7 +407,9 @@ def _with_rests(job: PlanJob, name: str, tried: _Tried) -> None:
     if times is not None and is_pair and other.best is None:
         _unhurried(job, float(times[-1] - times[0]), name, other)
     is_found = other.best is not None and not resting.swings(job, other.best)
-    for share in resting.SHARES if resting.can_move_singly(job) and not is_found else ():
+    # A device that cannot follow a path with its axes cannot follow it more slowly either.
+    shares = resting.SHARES[: None if job.axes is None else 1]
+    for share in shares if resting.can_move_singly(job) and not is_found else ():
         for pause in (0, 1) if is_pair else (None,):
             if rested.best is None:
                 attempt = partial(everywhere, job.calmer(share), pause)

@@ -19,8 +19,8 @@ from itertools import pairwise
 import numpy as np
 
 from orientd.driver import AxisLimits, Joints
-from orientd.mechanism import Mechanism
-from orientd.mechanism.routing import joints_along
+from orientd.mechanism import Gimbal, Mechanism
+from orientd.mechanism.routing import check_way, joints_along
 from orientd.model.limits import Limits
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats
@@ -32,7 +32,7 @@ The more of an acceleration it uses, the longer stops on the path take.  The res
 cubic between two records, which overshoots where the acceleration of a joint jumps.
 """
 
-_FEWEST, _MOST = 24, 3072  # samples in an interval between two knots
+_FEWEST, _DENSE, _MOST = 24, 192, 3072  # samples in an interval between two knots
 _EXACT = 1e-2
 """Largest change of an acceleration when the samples double, as a share of its limit."""
 
@@ -113,7 +113,7 @@ class Axes:
             share: of accelerations and jerks that the timing uses.
 
         Raises:
-            PlanError: a pose is out of reach.
+            PlanError: the axes cannot go along it, at whatever pace.
         """
         breaks, pieces = [], []
         for begin, end in pairwise(path.trajectory.knots.tolist()):
@@ -139,6 +139,8 @@ class Axes:
             h = float(grid[1] - grid[0])
             q, position = path.trajectory.orientations(grid), path.positions.sample(grid)[0]
             joints = joints_along(mechanism, h, q, position, near)
+            if not isinstance(mechanism, Gimbal):
+                check_way(mechanism, joints, h, is_dense=count >= _DENSE)
             first, second = _derivatives(joints, h)
             if before is not None:
                 pace = _most_square(path, grid, (first, second), most, tool)
