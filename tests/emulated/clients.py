@@ -264,13 +264,15 @@ class Client:
         self.ask("GetState", pb.GetStateRequest())
 
     def stop(self):
-        self._stop("Stop", pb.StopRequest())
+        self._stop("Stop", pb.StopRequest(), self._present())
 
     def stop_one(self):
-        self._stop("Stop", pb.StopRequest(device="arm", motion_number=self._present()[1]))
+        """Stop the motion that the device runs; one that begins meanwhile may continue."""
+        present = self._present()
+        self._stop("Stop", pb.StopRequest(device="arm", motion_number=present[1]), present)
 
     def halt(self):
-        self._stop("Halt", pb.StopRequest())
+        self._stop("Halt", pb.StopRequest(), self._present())
 
     def _present(self):
         """Return the state of the device, and its motion."""
@@ -282,9 +284,12 @@ class Client:
 
         return self.wait_for(look)
 
-    def _stop(self, method, request):
-        """Stop, and check that the device is at rest soon, unless the machine stands still."""
-        state, motion = self._present()
+    def _stop(self, method, request, before):
+        """Stop, and check that the device is at rest soon, unless the machine stands still.
+
+        *before* is what :meth:`_present` returned: the request ends that motion.
+        """
+        state, motion = before
         self.ask(method, request)
         self.system.scheduler.sleep(AT_REST)
         if not self.system.is_calm:

@@ -27,10 +27,12 @@ class Following:
     """The targets of one caller for one device."""
 
     def __init__(self, device: Device) -> None:
-        """Begin without a target on *device*, whose servo follows from now on."""
-        self._device = device
-        self._given, self._left_out = device.targets.written
-        self._chunks, _ = device.targets.chunks
+        """Begin without a target on *device*, whose servo follows from now on.
+
+        Raises:
+            DaemonError: the servo has ended.
+        """
+        self._device, self._counts = device, device.targets.count()
         self._refused = self._skipped = 0
         self._refusal = ""
         self._newest: AimedAt | None = None
@@ -83,14 +85,14 @@ class Following:
         self._device.tell(EventKind.WARNING, f"a client's targets: {problem}{more}")
 
     def report(self) -> pb.TrackResponse | None:
-        """Return how it goes; ``None`` while there is no servo."""
+        """Return how it goes; ``None`` once the servo process that follows has ended."""
         now = self._device.snapshot()
         cycle = now.cycle
-        if cycle is None:
+        # Another process may have started since.  Its cycles are not of these targets.
+        if cycle is None or not self._counts.is_of_newest_servo:
             return None
-        given, left_out = self._device.targets.written
-        chunks, found = self._device.targets.chunks
-        chunks -= self._chunks
+        given, left_out = self._counts.targets
+        chunks, found = self._counts.chunks
         error, position_error = self._errors(cycle.q, cycle.position)
         return pb.TrackResponse(
             chunks=pb.ChunkReport(
@@ -115,8 +117,8 @@ class Following:
             position=vector(cycle.position),
             omega_body=vector(cycle.omega_body),
             time_ns=cycle.deadline_ns,
-            targets=given - self._given,
-            left_out=left_out - self._left_out,
+            targets=given,
+            left_out=left_out,
             refused=self._refused,
             refusal=self._refusal,
             error=error,

@@ -184,17 +184,20 @@ class ProgressReader:
         """Begin now, when *run* has just started on *device*."""
         self._device, self._run = device, run
         self._cycles = CycleReader(device)
-        newest = device.snapshot().cycle
-        self._overruns = newest.overruns if newest is not None else 0
+        newest = device.snapshot()
+        self._servo_pid = newest.servo_pid
+        self._overruns = 0 if newest.cycle is None else newest.cycle.overruns
 
     def read(self) -> pb.MoveProgress | None:
         """Return how far the motion is.
 
-        ``None`` without a servo, and once another motion has replaced this one: it may not have
-        ended, but what the device does belongs to the other motion.
+        ``None`` once the servo process of the motion has ended, and once another motion has
+        replaced this one: it may not have ended, but what the device does belongs to the other.
         """
         now = self._device.snapshot()
-        if now.cycle is None or now.motion_number > self._run.number:
+        if now.cycle is None or now.servo_pid != self._servo_pid:
+            return None
+        if now.motion_number > self._run.number:
             return None
         motion = self._run.planned
         # A motion that waits for its turn has not begun.
@@ -215,7 +218,7 @@ class ProgressReader:
             position=vector(position),
             lateness=latest / NANOSECONDS,
             tracking_error=now.tracking_error,
-            overruns=max(0, now.cycle.overruns - self._overruns),
+            overruns=now.cycle.overruns - self._overruns,
         )
 
 

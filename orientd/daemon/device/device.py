@@ -197,6 +197,8 @@ class Device:
             self._conclude(queued, (pb.OUTCOME_STOPPED, GOING_DOWN))
 
     def _start_servo(self) -> None:
+        if self._servo.memory is not None and not self._servo.failure:
+            self._tick()  # The servo has ended since the last tick, and with it its motions.
         self._queue.restart()
         self._servo.start()
 
@@ -596,8 +598,7 @@ class Device:
         # Without a heartbeat it stops anyway; the command is sooner.
         self._servo.brake()
         is_known = isinstance(error, DaemonError)
-        what = "%s: watching the servo failed: %s"
-        _log.error(what, self.name, error, exc_info=not is_known)
+        _log.error("%s: watching the servo failed: %s", self.name, error, exc_info=not is_known)
         self._servo.fail(Fault.INTERNAL, f"{type(error).__name__}: {error}")
         self._queue.drop(self._servo.failure)
 

@@ -148,14 +148,46 @@ class TargetWriter:
         at = cycle.position if position is None else position
         return self._axes.refusal(q, at, cycle.joints)
 
+    def count(self) -> TargetCounts:
+        """Count the targets and chunks of the servo process from now on, beginning at zero.
+
+        Raises:
+            DaemonError: there is no servo.
+        """
+        return TargetCounts(self._servo)
+
+
+class TargetCounts:
+    """Counts of targets and chunks for one servo process, from a moment on.
+
+    A servo that is started again counts from zero.  So these counts are of the process that ran
+    when they began, also after its end.
+    """
+
+    def __init__(self, servo: ServoProcess) -> None:
+        """Begin at zero.
+
+        Raises:
+            DaemonError: there is no servo.
+        """
+        self._servo, self._memory = servo, servo.running()
+        targets = self._memory.targets
+        self._given, self._left_out = targets.head, targets.words[LEFT_OUT_WORD]
+        self._chunks = self._memory.chunks.head
+
     @property
-    def written(self) -> tuple[int, int]:
-        """How many targets the servo process was given so far, and how many it left out."""
-        ring = self._servo.running().targets
-        return ring.head, ring.words[LEFT_OUT_WORD]
+    def is_of_newest_servo(self) -> bool:
+        """Whether no other servo process has started since these counts began."""
+        return self._servo.memory is self._memory
+
+    @property
+    def targets(self) -> tuple[int, int]:
+        """How many targets the servo process was given, and how many it left out."""
+        ring = self._memory.targets
+        return ring.head - self._given, ring.words[LEFT_OUT_WORD] - self._left_out
 
     @property
     def chunks(self) -> tuple[int, ChunkReport]:
-        """How many chunks the servo process was given so far, and how it followed them."""
-        ring = self._servo.running().chunks
-        return ring.head, read_report(ring)
+        """How many chunks the servo process was given, and how it followed them."""
+        ring = self._memory.chunks
+        return ring.head - self._chunks, read_report(ring)

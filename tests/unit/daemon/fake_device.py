@@ -54,6 +54,7 @@ class FakeDevice:
         self.published = [cycle()]
         self.is_free = False
         self.last_ended = None
+        self.servo_pid = 1
 
     def snapshot(self):
         return DeviceSnapshot(
@@ -67,7 +68,7 @@ class FakeDevice:
             motion_number=self.number,
             path_time=0.5,
             tracking_error=None,
-            servo_pid=1,
+            servo_pid=self.servo_pid,
             scheduling="SCHED_OTHER",
             memory_locked=False,
         )

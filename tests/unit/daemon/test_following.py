@@ -4,12 +4,18 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from fake_device import FakeDevice, FakeServo
 
+from orientd import config
 from orientd.daemon.calls import following
 from orientd.daemon.calls.following import SPACING, Following
 from orientd.daemon.device import EventKind
+from orientd.daemon.device.target_writer import TargetWriter
 from orientd.errors import RequestError
 from orientd.protocol import control_pb2 as pb
+from orientd.stream.memory import SharedMemory
+
+TARGET = pb.TrackTarget(orientation=pb.Quaternion(w=1.0))
 
 
 class Device:
@@ -18,9 +24,7 @@ class Device:
     def __init__(self):
         self.events = []
         self.unreachable = ""
-        self.targets = SimpleNamespace(
-            written=(0, 0), chunks=(0, None), aim=self._aim, play=self._play
-        )
+        self.targets = SimpleNamespace(count=lambda: None, aim=self._aim, play=self._play)
 
     def tell(self, kind, text):
         assert kind is EventKind.WARNING
@@ -66,7 +70,7 @@ def test_a_pose_out_of_reach_is_told(clock):
     device.unreachable = "the elbow would be stretched"
     session = Following(device)
     session.take_chunk(pose(round(1e9 * clock.s) + 1))
-    session.take(pb.TrackTarget(orientation=pb.Quaternion(w=1.0)))
+    session.take(TARGET)
     assert device.events == ["a client's targets: the elbow would be stretched; skipped"]
 
 
@@ -81,6 +85,34 @@ def test_a_chunk_in_unix_time_is_named_for_that(clock):
 def test_good_targets_tell_nothing(clock):
     device = Device()
     session = Following(device)
-    session.take(pb.TrackTarget(orientation=pb.Quaternion(w=1.0)))
+    session.take(TARGET)
     session.take_chunk(pose(round(1e9 * clock.s) + 1))
     assert device.events == []
+
+
+@pytest.fixture
+def followed():
+    """A device whose servo has the rings of a real one."""
+    settings = config.default_settings().devices["arm"]
+    device = FakeDevice(settings)
+    device.servo = FakeServo(settings, read_ahead=4096, tell=lambda *_: None)
+    device.targets = TargetWriter(device.servo, axes=None)
+    return device
+
+
+def test_targets_and_chunks_of_earlier_callers_are_not_counted(followed, clock):
+    for count in (3, 2):
+        session = Following(followed)
+        for _ in range(count):
+            session.take(TARGET)
+            session.take_chunk(pose(round(1e9 * clock.s) + 1))
+        report = session.report()
+        assert (report.targets, report.chunks.chunks) == (count, count)
+
+
+def test_a_servo_that_starts_again_is_not_reported_to_callers_of_the_one_before(followed):
+    Following(followed).take(TARGET)
+    session = Following(followed)
+    followed.servo.memory = SharedMemory.create(8192, 256)
+    assert session.report() is None
+    assert Following(followed).report().targets == 0

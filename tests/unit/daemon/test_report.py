@@ -90,6 +90,15 @@ def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
     assert reader.read() is None
 
 
+def test_progress_is_not_that_of_a_servo_which_has_started_again(device, motion):
+    planned = SimpleNamespace(facts=motion.facts, frame=None)
+    device.published.append(cycle(1, overruns=2))
+    reader = report.ProgressReader(device, QueuedMotion(planned, number=1))
+    assert reader.read().overruns == 0
+    device.servo_pid, device.published = 2, [cycle(0)]
+    assert reader.read() is None
+
+
 def test_a_motion_that_was_left_for_another_tells_nothing_of_the_other(device, motion):
     device.number = 2
     planned = SimpleNamespace(facts=motion.facts, frame=None)
