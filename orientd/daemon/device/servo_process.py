@@ -86,6 +86,10 @@ class _SlowCommand(NamedTuple):
         return f"{taken} so far: the device has not answered yet"
 
 
+class _BusyError(StateError):
+    """The servo is busy with a command for which the driver talks to the device at length."""
+
+
 class ServoProcess:
     """Manage the servo process of one device, and its faults.
 
@@ -152,7 +156,7 @@ class ServoProcess:
         self._note_index = self._stop_index = 0
         self._answers: dict[int, Note] = {}
         self._awaited: set[int] = set()
-        self._reset = UNKNOWN
+        self._clearing = UNKNOWN
         self._slow: _SlowCommand | None = None
         self._words: deque[Note] = deque(maxlen=256)
 
@@ -368,16 +372,16 @@ class ServoProcess:
         """Put a command where the servo looks for it; return its number.
 
         Raises:
-            StateError: the servo is busy with another one.
+            _BusyError: the servo is busy with another one.
         """
         with self._lock:
             now, slow = time.monotonic(), self._slow
             if slow is not None and command not in _STOPPING:
-                raise StateError(slow.describe(now))
+                raise _BusyError(slow.describe(now))
             index = memory.commands.head
             self._awaited.add(index)
-            if command is Command.RESET:
-                self._reset = index
+            if command in (Command.ENABLE, Command.RESET):
+                self._clearing = index
             if command in _SLOW:
                 self._slow = _SlowCommand(index, command, now)
             memory.commands.publish(command, *fields)
@@ -462,10 +466,12 @@ class ServoProcess:
                     continue
                 if note.command in self._awaited:
                     self._answers[note.command] = note
-                if note.command == self._reset and note.code == Answer.DONE:
-                    # The reset has cleared the earlier faults.
+                if note.command == self._clearing and note.code == Answer.DONE:
+                    # A servo that was reset or enabled has none of the earlier faults.
                     left = [word for word in self._words if word.kind is not NoteKind.FAULT]
                     self._words = deque(left, self._words.maxlen)
+                    if not self.failure:
+                        self.fault, self.fault_text = Fault.NONE, ""
 
     def leave_fault(self) -> None:
         """Clear the servo's fault; enable the device if so configured.
@@ -474,10 +480,13 @@ class ServoProcess:
             StateError: the driver cannot, or the device is not one to be enabled.
             DaemonError: the servo does not answer, or is not there.
         """
-        cycle = self.newest()
-        if not (self.failure and cycle is not None and cycle.state is ServoState.HOLDING):
-            # Else the failure was the daemon's own.
+        try:
             self.ask(Command.RESET)
+        except StateError:
+            cycle, is_known = self.newest(), self.failure or self.fault is not Fault.NONE
+            if not is_known or cycle is None or cycle.state is not ServoState.HOLDING:
+                raise
+            # A servo that holds has no fault: the fault was the daemon's own.
         self.fault, self.fault_text, self.failure = Fault.NONE, "", ""
         if self._settings.auto_enable:
             self.ask(Command.ENABLE)
@@ -605,13 +614,17 @@ class ServoProcess:
         if self._settings.auto_enable:
             try:
                 self.ask(Command.ENABLE)
+            except _BusyError:
+                # A client's command has come first, and decides.
+                while self._slow is not None:
+                    time.sleep(_SLOW_POLL)
             except (StateError, DaemonError) as error:
                 problem = str(error)
         if self.memory is not memory or not self.is_alive:
             return  # it has ended meanwhile
         newest = self.newest()
-        if problem and (newest is None or newest.state is not ServoState.FAULT):
-            # A servo in a fault reports the reason itself.
+        if problem and (newest is None or newest.state is ServoState.IDLE):
+            # A servo in a fault reports the reason itself, and in other states it is enabled.
             self.fault, self.fault_text = Fault.DEVICE_FAULT, problem
             self._tell(EventKind.FAULT, problem)
         self._tell(EventKind.READY, self.scheduling)

@@ -10,7 +10,7 @@ import pytest
 from harness import until
 
 from orientd.config import DeviceSettings
-from orientd.daemon.device import Device
+from orientd.daemon.device import Device, EventKind
 from orientd.daemon.device.servo_process import ANSWER_TIMEOUT, ServoProcess
 from orientd.errors import DaemonError, Fault, StateError
 from orientd.stream.records import Command, ServoLimits, ServoState
@@ -36,6 +36,14 @@ def servo(settings):
     servo.start()
     yield servo
     servo.end()
+
+
+def block(servo, gate):
+    """Let the servo's cycle wait at the pipe *gate*."""
+    os.mkfifo(gate)
+    head = -1
+    while head != (head := servo.next_cycle):
+        time.sleep(0.1)
 
 
 def await_cycles(servo):
@@ -140,6 +148,75 @@ def test_a_fault_that_a_reset_has_cleared_is_none_afterwards(servo, gate):
     servo.ask(Command.RESET)
     servo.read_notes()
     assert (servo.fault, servo.fault_text) == (Fault.NONE, "")
+
+
+def test_a_reset_of_a_device_that_holds_clears_a_fault_that_only_the_daemon_knows(servo):
+    await_cycles(servo)
+    servo.ask(Command.ENABLE)
+    with pytest.raises(StateError, match="reset is not possible while holding"):
+        servo.leave_fault()
+    servo.fault, servo.fault_text = Fault.DEVICE_FAULT, "the servo did not answer"
+    servo.leave_fault()
+    assert (servo.fault, servo.fault_text) == (Fault.NONE, "")
+    assert servo.newest().state is ServoState.HOLDING
+
+
+@pytest.mark.parametrize(
+    ("command", "state"),
+    [(Command.ENABLE, ServoState.HOLDING), (Command.DISABLE, ServoState.IDLE)],
+)
+def test_a_command_of_a_client_while_a_device_starts_is_no_fault(
+    servo, gate, monkeypatch, command, state
+):
+    await_cycles(servo)
+    block(servo, gate)
+    client = threading.Thread(target=servo.ask, args=(command,))
+    client.start()
+    until(lambda: servo._slow is not None, "the command of the client")
+    asked, refused, told = servo.ask, threading.Event(), []
+
+    def ask(command):
+        try:
+            asked(command)
+        finally:
+            refused.set()
+
+    monkeypatch.setattr(servo, "ask", ask)
+    monkeypatch.setattr(servo, "_tell", lambda kind, _text: told.append(kind))
+    servo.read_notes()  # it is ready, and the daemon enables it too
+    assert refused.wait(30.0)
+    with gate.open("w"):
+        gate.unlink()
+    assert servo.wait_ready(30.0)
+    client.join()
+    assert servo.newest().state is state
+    assert (servo.fault, told) == (Fault.NONE, [EventKind.READY])
+
+
+def test_a_device_that_moves_before_the_daemon_has_enabled_it_is_in_no_fault(servo):
+    await_cycles(servo)
+    servo.ask(Command.ENABLE)
+    servo.ask(Command.TRACK, motion=1, servo_limits=ServoLimits(1.0, 10.0, 100.0, 1.0, 10.0, 1.0))
+    until(lambda: servo.newest().state is ServoState.TRACKING, "tracking")
+    servo.read_notes()
+    assert servo.wait_ready(30.0)
+    assert (servo.fault, servo.fault_text) == (Fault.NONE, "")
+
+
+def test_a_device_that_is_enabled_after_all_is_in_no_fault(settings, gate):
+    gate.write_text("feedback_stale")
+    device = Device(settings, planners=None, on_event=lambda _: None)
+    device.launch()
+    try:
+        assert device.wait_ready(60.0)
+        assert device.snapshot().fault_text == "enable failed: injected fault: feedback_stale"
+        gate.unlink()
+        device.enable()
+        now = device.snapshot()
+    finally:
+        device.shutdown()
+        device.workers.close()
+    assert (now.state, now.fault, now.fault_text) == (ServoState.HOLDING, Fault.NONE, "")
 
 
 def test_the_end_of_a_daemon_does_not_wait_for_a_reset_that_hangs(settings, gate):
