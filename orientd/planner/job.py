@@ -325,7 +325,7 @@ class PlanJob:
             raise ValueError("the device must have axes")
         path, share = straight(start, end), min(self.lead_share / LEAD_SHARE, 1.0)
         within = self.limits.with_reserve(share)
-        axes = self.axes.along(path, near, within, share * AXIS_SHARE)
+        axes = self.axes.along(path, near, within, self.period, share * AXIS_SHARE)
         return quickest(path, within, self.period, has_rests=True, axes=axes), axes.end
 
     def _straight_lead(self, start: State, end: State, near: Joints) -> LeadIn:
@@ -343,7 +343,7 @@ class PlanJob:
         """
         if self.axes is None:
             return NO_AXES
-        return self.axes.along(path, self.joints_at(path.first), self.limits)
+        return self.axes.along(path, self.joints_at(path.first), self.limits, self.period)
 
     def joints_at(self, first: State) -> Joints:
         """Return the axis angles at the first keyframe, rad; none if the timing disregards them.

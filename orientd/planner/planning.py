@@ -42,6 +42,7 @@ _FAR_LONGER = 4.0
 _QUANTITIES = {unit: name for name, unit in UNITS.items()}
 _BELOW = 0.9998  # share of a limit that the next timing uses
 _TO_JOIN, _TO_LEAVE = 0.8, 0.95  # changes of an even pace until it has room for a lead
+_ROUNDING = 1e-9  # of a period
 _MOST_TIMINGS = 3  # of one path, until its records keep the limits
 
 
@@ -238,7 +239,8 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
         return job.motion(target, name)
     if job.axes is not None:
         straight, _ = job.straight(job.start, target, job.axes.joints)
-        straight = straight if total is None else straight.lasting(total)
+        cycles = math.ceil(straight.duration / job.period - _ROUNDING)
+        straight = straight.lasting(cycles * job.period if total is None else total)
         return job.certified(replace(straight, times=straight.times[-1:]), name)
 
     def make(limits: Limits) -> KeyframePath:

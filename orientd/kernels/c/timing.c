@@ -34,6 +34,7 @@ enum { GAPS = sizeof gaps / sizeof *gaps };
 #define AGAIN 10.0          /* times the gap to begin with from a profile that is nearly right */
 
 #define REST 1e-9           /* of the largest angular velocity of the part */
+#define STILL 1e-9          /* m/s: the position at an end */
 #define LEAVING 0.8         /* of a length L that the parameter goes while it leaves rest */
 #define NARROW 0.25         /* of a period: elements that take less time are narrow enough */
 #define RAMP 0.25           /* change of the acceleration in an element, as a share of its limit */
@@ -121,14 +122,15 @@ static int read_part(const timing_t *asked, index_t place, part_t *part) {
         for (int k = 0; k < 3; k++)
             omega[k] = row_of(samples, 4 + k)[i], alpha[k] = row_of(samples, 7 + k)[i];
         if (asked->moves.n)
-            put_move(asked->move_breaks, asked->moves, side ? end : begin, (move_t){NULL, v, NULL});
+            put_move(asked->move_breaks, asked->moves, side ? nextafter(end, begin) : begin,
+                     (move_t){NULL, v, NULL});
         double room = side ? end - part->knots.v[count - 2] : part->knots.v[1] - begin;
         room *= count == 2 ? 0.5 : 1.0;
         bool turns = length_of(omega) > REST * fastest;
         part->moves[side] = turns && !asked->is_at_rest;
         /* Where the path sets out with an acceleration, its angle grows like the square of its time,
          * and that of a motion from rest like the cube: like the square without a jerk limit. */
-        if (asked->is_at_rest && (turns || length_of(v) > 0.0))
+        if (asked->is_at_rest && (turns || length_of(v) > STILL))
             part->leaves[side] = -2.0 * room;
         else if (!turns && length_of(alpha) > REST * fastest
                  && least_of(row_of(asked->limits, 2)) < INFINITY)

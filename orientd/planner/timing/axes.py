@@ -32,6 +32,13 @@ The more of an acceleration it uses, the longer stops on the path take.  The res
 cubic between two records, which overshoots where the acceleration of a joint jumps.
 """
 
+_RISE = 2.0
+"""Fewest periods in which an axis reaches its acceleration.
+
+Setpoints between two records are poses, or cubics of the joints.  Both differ where an acceleration
+jumps from one record to the next.
+"""
+
 _FEWEST, _DENSE, _MOST = 24, 192, 3072  # samples in an interval between two knots
 _EXACT = 1e-2
 """Largest change of an acceleration when the samples double, as a share of its limit."""
@@ -102,7 +109,7 @@ class Axes:
     joints: Joints
 
     def along(
-        self, path: KeyframePath, near: Joints, tool: Limits, share: float = SHARE
+        self, path: KeyframePath, near: Joints, tool: Limits, period: float, share: float = SHARE
     ) -> AxisPath:
         """Return the angles along a path, sampled until their accelerations do not change any more.
 
@@ -110,6 +117,7 @@ class Axes:
             path: within reach.
             near: angles at its start, about, rad.
             tool: limits of the tool, which bound the pace.
+            period: of the device, s.
             share: of accelerations and jerks that the timing uses.
 
         Raises:
@@ -124,7 +132,7 @@ class Axes:
         return AxisPath(
             np.concatenate([*breaks, path.trajectory.knots[-1:]]),
             np.ascontiguousarray(np.concatenate(pieces)),
-            _limits(self.mechanism.axes, share),
+            _limits(self.mechanism.axes, share, period),
             near,
         )
 
@@ -170,13 +178,13 @@ def _most_square(
     return found
 
 
-def _limits(axes: Sequence[AxisLimits], share: float) -> Floats:
+def _limits(axes: Sequence[AxisLimits], share: float, period: float) -> Floats:
     """Return the limits of the timing, shape ``(3, axes)``."""
     return np.array(
         [
             [VELOCITY_SHARE * axis.velocity for axis in axes],
             [share * axis.acceleration for axis in axes],
-            [share * axis.jerk for axis in axes],
+            [share * min(axis.jerk, axis.acceleration / (_RISE * period)) for axis in axes],
         ]
     )
 

@@ -200,7 +200,7 @@ def quickest(
     """
     inner = corners(path.trajectory) if has_rests else ()
     rests = None
-    if len(inner) or (has_rests and not path.is_from_rest_to_rest):
+    if len(inner) or (has_rests and not _rests_at_ends(path)):
         rests = np.concatenate([[0.0], inner, [path.duration]])
     elif known is None and axes is NO_AXES:
         # A path with a known profile is not a turn about one axis.
@@ -211,6 +211,12 @@ def quickest(
     quick = _joined([_on_records(retimed(path, one), period) for one in found])
     refusal.check_duration(quick.duration)
     return quick
+
+
+def _rests_at_ends(path: KeyframePath) -> bool:
+    """Return whether orientation and position begin and end at rest."""
+    ends = path.positions.state(0.0), path.positions.state(path.duration)
+    return path.is_from_rest_to_rest and not any(velocity.any() for _, velocity, _ in ends)
 
 
 def retimed(path: KeyframePath, profile: Profile) -> QuickPath:

@@ -86,6 +86,39 @@ def test_no_joint_of_random_arms_exceeds_its_limits():
             assert_keeps(ride, record, (STOP, PAUSE, HALF, RANDOM, KILLED)[k % 5], random)
 
 
+def test_stops_where_the_acceleration_of_a_joint_changes_fast_keep_its_limit():
+    """Near a straight wrist it goes from one limit to the other within a few records."""
+    random, rides = np.random.default_rng(6), 0
+    for _ in range(10):
+        model = str(random.choice(["ur3e", "ur5e", "ur10e", "ur30"]))
+        driver = driver_of(model, joint_acceleration_deg=2291.8)
+        arm = driver.mechanism(may_ask=False)
+        bend = float(random.choice([-1, 1]) * random.uniform(0.03, 0.15))
+        joints = (
+            random.uniform(-1, 1), -1.4 + random.uniform(-0.3, 0.3),
+            1.4 + random.uniform(-0.4, 0.4), random.uniform(-2.5, -0.5), bend,
+            random.uniform(-2, 2),
+        )  # fmt: skip
+        q, position = arm.forward(joints)
+        turn = random.normal(size=3)
+        turn *= random.uniform(0.1, 0.6) / np.linalg.norm(turn)
+        goal = tuple(rotation.multiply(np.array(q), rotation.exp(turn)).tolist())
+        request = MotionRequest([Keyframe(goal, position=position)])
+        planner = DevicePlanner(driver, limits=LIMITS, period=PERIOD)
+        try:
+            motion = planner.plan(
+                request, start=State.at_rest(q, position), joints=joints, is_offline=True
+            )
+        except PlanError:
+            continue
+        rides += 1
+        ride = ArmRide(motion, arm)
+        for record in range(3, min(motion.record_count - 10, 160), 8):
+            for what in (STOP, PAUSE):
+                assert_keeps(ride, record, what, random)
+    assert rides > 5
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize("what", [STOP, PAUSE, HALF, RANDOM, KILLED])
