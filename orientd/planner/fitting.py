@@ -1,8 +1,12 @@
 """Plans on the path that the axes of a device can follow, as fast as the axes allow.
 
-If the axes cannot follow a path and the user set no times, the motion slows down where an axis
-needs it.  If that does not fit, the whole motion is planned again at a lower speed.  A bisection
-then finds nearly the highest speed that the axes allow.
+A motion of an arm from rest is timed for the tool and its axes at once, and so is one of a gimbal
+away from its poles.
+
+Other motions are planned for the tool first.  If the axes cannot follow a path and the user set no
+times, the motion slows down where an axis needs it.  If that does not fit, the whole motion is
+planned again at a lower speed.  A bisection then finds nearly the highest speed that the axes
+allow.
 """
 
 from __future__ import annotations

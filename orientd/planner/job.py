@@ -312,11 +312,11 @@ class PlanJob:
             found = find(is_direct=True)
         return replace(found, joints=near)
 
-    def straight(self, start: State, end: State, near: Joints) -> tuple[KeyframePath, Joints]:
+    def straight(self, start: State, end: State, near: Joints = ()) -> tuple[KeyframePath, Joints]:
         """Return the fastest straight way from rest to rest elsewhere, and the axes at its end.
 
         Args:
-            near: axis angles at its start, rad.
+            near: axis angles at its start, rad; by default those of the device's start.
 
         Raises:
             PlanError: the axes do not reach it, or the limits allow no timing.
@@ -325,7 +325,9 @@ class PlanJob:
             raise ValueError("the device must have axes")
         path, share = straight(start, end), min(self.lead_share / LEAD_SHARE, 1.0)
         within = self.limits.with_reserve(share)
-        axes = self.axes.along(path, near, within, self.period, share * AXIS_SHARE)
+        axes = self.axes.along(
+            path, near or self.axes.joints, within, self.period, share * AXIS_SHARE
+        )
         return quickest(path, within, self.period, has_rests=True, axes=axes), axes.end
 
     def _straight_lead(self, start: State, end: State, near: Joints) -> LeadIn:

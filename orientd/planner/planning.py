@@ -217,7 +217,7 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
     is_turn = start.is_at_rest and not omega.any() and bool((position == start.position).all())
     if request.total is not None and not is_turn:
         raise PlanError("a single keyframe is reached in a duration by turning from rest only")
-    is_straight = job.axes is not None and start.is_at_rest and not omega.any()
+    is_straight = _is_for_axes(job) and start.is_at_rest and not omega.any()
     if is_turn or (is_straight and request.total is None):
         tried.attempt("the quickest turn", partial(_turn, job, target, name))
         return
@@ -231,14 +231,19 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
         tried.best = other.best
 
 
+def _is_for_axes(job: PlanJob) -> bool:
+    """Return whether a way to a single keyframe is timed for the axes; an even pace is not."""
+    return job.axes is not None and not job.is_even
+
+
 def _turn(job: PlanJob, target: State, name: str) -> Motion:
     """Return the turn to a single keyframe, from rest to rest about one axis."""
     total, held, here = job.request.total, PositionPath.held(target.position), job.start.q
     is_there = bool(np.linalg.norm(target.position - job.start.position) <= SAME_PLACE)
     if angle(here, target.q) <= SAME_PLACE and is_there:
         return job.motion(target, name)
-    if job.axes is not None:
-        straight, _ = job.straight(job.start, target, job.axes.joints)
+    if _is_for_axes(job):
+        straight, _ = job.straight(job.start, target)
         cycles = math.ceil(straight.duration / job.period - _ROUNDING)
         straight = straight.lasting(cycles * job.period if total is None else total)
         return job.certified(replace(straight, times=straight.times[-1:]), name)
@@ -504,7 +509,6 @@ def _timed(job: PlanJob, path: KeyframePath, name: str, *, has_rests: bool = Tru
     """
     total, period = job.request.total, job.period
     known: Floats | None = None
-
     axes = job.axes_along(path)
 
     def make(limits: Limits) -> KeyframePath:

@@ -329,3 +329,14 @@ def test_a_gimbal_away_from_its_poles_uses_some_limit_nearly_always_and_says_so(
             used.append(np.mean(shares > 0.8))
     assert len(used) > 8
     assert np.median(used) > 0.8
+
+
+def test_a_single_keyframe_at_an_even_pace_is_reached_by_a_quintic():
+    arm, joints = MODELS["ur5e"].arm(), tuple(HOME.tolist())
+    q, position = arm.forward(joints)
+    goal = Keyframe(tuple(multiply(np.array(q), exp(np.array([0.0, 0.4, 0.0]))).tolist()))
+    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
+    motion = planner.plan(MotionRequest([goal], approach=True, pace="even"))
+    middle = motion.sample(np.array([0.5 * motion.keyframe_times[0]]))
+    speed = float(np.linalg.norm(middle.omega_body))
+    assert speed == pytest.approx(1.875 * 0.4 / motion.keyframe_times[0], rel=0.02)
