@@ -39,4 +39,17 @@ INLINE double smaller(double a, double b) { return a < b ? a : b; }
 INLINE index_t least(index_t a, index_t b) { return a < b ? a : b; }
 INLINE index_t most(index_t a, index_t b) { return a > b ? a : b; }
 
+/* The piece that an instant is in: the first before all of them, and the last from its begin on.
+ *
+ * breaks: where the pieces begin and end, increasing, shape (m + 1,), m > 0. */
+INLINE index_t piece_of(double t, row_t breaks) {
+    const double *low = breaks.v;
+    for (index_t n = breaks.n - 1; n > 1;) {
+        index_t half = n / 2;
+        low = low[half] <= t ? low + half : low;
+        n -= half;
+    }
+    return low - breaks.v;
+}
+
 #endif

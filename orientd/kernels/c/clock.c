@@ -114,15 +114,7 @@ static index_t element_of(double t, row_t times, index_t near) {
         return near;
     if (near < last && times.v[near + 1] <= t && (near + 1 == last || t < times.v[near + 2]))
         return near + 1;
-    index_t low = 0, high = last + 1;
-    while (high - low > 1) {
-        index_t middle = (low + high) / 2;
-        if (times.v[middle] <= t)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
+    return piece_of(t, times);
 }
 
 void sample_clock(const clocked_t *clock, row_t instants, matrix_t out) {

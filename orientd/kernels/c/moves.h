@@ -15,18 +15,12 @@ typedef struct { double *position, *velocity, *acceleration; } move_t;
  * breaks: where the quintics begin and end, shape (m + 1,), m > 0.
  * moves: three components of each of six coefficients, shape (m, 18). */
 static inline void put_move(row_t breaks, matrix_t moves, double t, move_t to) {
-    index_t low = 0, high = breaks.n - 1;
-    bool is_still = !(t >= breaks.v[0] && t < breaks.v[high]);
-    double held = t < breaks.v[0] ? breaks.v[0] : t < breaks.v[high] ? t : breaks.v[high];
-    while (high - low > 1) {
-        index_t middle = (low + high) / 2;
-        if (breaks.v[middle] <= held)
-            low = middle;
-        else
-            high = middle;
-    }
-    const double *c = row_of(moves, low);
-    double u = held - breaks.v[low], moving = is_still ? 0.0 : 1.0;
+    index_t last = breaks.n - 1;
+    bool is_still = !(t >= breaks.v[0] && t < breaks.v[last]);
+    double held = t < breaks.v[0] ? breaks.v[0] : t < breaks.v[last] ? t : breaks.v[last];
+    index_t piece = piece_of(held, breaks);
+    const double *c = row_of(moves, piece);
+    double u = held - breaks.v[piece], moving = is_still ? 0.0 : 1.0;
     for (int k = 0; k < 3; k++) {
         double p = 0.0, p1 = 0.0, p2 = 0.0;
         for (int power = 5; power >= 0; power--) {

@@ -141,25 +141,12 @@ static int read_part(const timing_t *asked, index_t place, part_t *part) {
     return 0;
 }
 
-/* Return the piece of the axes' path at an instant. */
-static index_t axis_piece(row_t breaks, double t) {
-    index_t low = 0, high = breaks.n - 1;
-    while (high - low > 1) {
-        index_t middle = (low + high) / 2;
-        if (breaks.v[middle] <= t)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
-}
-
 /* Write the derivatives of the axes' angles by the path coordinate at one spot.
  *
  * slope, bend: derivatives of the path time by the coordinate. */
 static void put_axes(const timing_t *asked, double t, double slope, double bend, index_t spot,
                      index_t spots, profile_path_t *path) {
-    index_t piece = axis_piece(asked->axis_breaks, t), axes = asked->axis_limits.m;
+    index_t piece = piece_of(t, asked->axis_breaks), axes = asked->axis_limits.m;
     const double *c = row_of(asked->axis_pieces, piece);
     double u = t - asked->axis_breaks.v[piece];
     for (index_t k = 0; k < (axes + 2) / 3 * 3; k++) {

@@ -238,17 +238,6 @@ INLINE index_t run_length(const double *instants, index_t count, double start, d
     return stop;
 }
 
-/* Which piece an instant inside the domain is in, the last one closed at its end. */
-static index_t piece_of(double t, row_t breaks) {
-    const double *low = breaks.v;
-    for (index_t n = breaks.n - 1; n > 1;) {
-        index_t half = n / 2;
-        low = low[half] <= t ? low + half : low;
-        n -= half;
-    }
-    return low - breaks.v;
-}
-
 index_t sample_trajectory(row_t instants, row_t breaks, matrix_t pieces, double slack,
                           matrix_t out) {
     index_t piece = 0;
