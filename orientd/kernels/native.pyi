@@ -69,15 +69,10 @@ def between(
 ) -> None: ...
 
 # certify.h
-def least_rate(
-    velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float,
-    nodes: Floats, worst: Floats, numbers: Floats, /,
-) -> tuple[float, int]: ...  # fmt: skip
-def turn_sizes(q: Floats, order: int, reach: int, parts: int, out: Floats, /) -> None: ...
 def certify(
-    breaks: Floats, pieces: Floats, move_breaks: Floats, moves: Floats, place: Floats,
-    rows: Floats, before: Floats, count: int, held: int, rests_before: bool, rests_behind: bool,
-    period: float, limits: Floats, move_limits: Floats, tolerance: float,
+    is_turn: bool, breaks: Floats, pieces: Floats, rows: Floats, before: Floats,
+    count: int, held: int, rests_before: bool, rests_behind: bool, period: float,
+    limits: Floats, first: int, end: int, tolerance: float,
     nodes: Floats, worst: Floats, numbers: Floats, found: Floats, /,
 ) -> None: ...  # fmt: skip
 

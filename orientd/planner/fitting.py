@@ -33,8 +33,7 @@ from orientd.mechanism.turning import together
 from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
-from orientd.planner.certify.joints import PARTS, joint_brake, tool_brake
-from orientd.planner.certify.measuring import STATE, measure
+from orientd.planner.certify.measuring import STATE, AxisRecords, measure
 from orientd.planner.certify.summary import before, summed_up
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
@@ -571,14 +570,8 @@ def reshaped(
         motion.limits,
         before=before(start, period),
         tolerance=GUARD_TOLERANCE,
+        axes=AxisRecords(joints, path.joint_rates, path.earlier, axes),
     )
-    brake = joint_brake(joints, path.joint_rates, path.earlier, period, axes)
-    if path.is_reshaped:
-        # The records do not have the full motion of a tool that the axes lead off its path.
-        between = path.between_records(PARTS)
-        brake = min(brake, tool_brake(between, period, motion.limits.numbers()[4:8]))
-    if brake.rate < peaks.brake_rate:
-        peaks = replace(peaks, brake_rate=brake.rate, brake_time=brake.record * period)
     times = np.array(keyframes)
     place = refusal.Place(request, float(begin), float(end), times)
     refusal.check_limits(peaks, place)

@@ -232,6 +232,7 @@ def check_limits(peaks: Peaks, place: Place) -> None:
                 ratio = peak.ratio if math.isfinite(peak.ratio) else math.inf
                 broken.append((ratio, name, axis, peak))
     if not broken:
+        _check_axes(peaks)
         return
     _, name, axis, peak = max(broken, key=lambda entry: entry[0])
     advice = place.name(peak.time)
@@ -242,6 +243,16 @@ def check_limits(peaks: Peaks, place: Place) -> None:
         _QUANTITIES[name] + axis, peak.value, peak.limit, peak.time, UNITS[name], advice,
         kind=LimitKind(name.removeprefix("linear_")), is_in_lead_in=is_in_lead_in,
     )  # fmt: skip
+
+
+def _check_axes(peaks: Peaks) -> None:
+    """Raise :class:`.LimitError` for the first axis of the device that breaks a limit."""
+    for axis, kind, peak in peaks.axes:
+        if not peak.ratio <= GUARD_TOLERANCE:
+            raise LimitError(
+                f"{kind.value} of {axis.name}", peak.value, peak.limit, peak.time,
+                UNITS[kind.value], "between two records; allow it more time", kind=kind,
+            )  # fmt: skip
 
 
 def check_stop(peaks: Peaks, place: Place, limits: Limits) -> None:

@@ -36,6 +36,7 @@ import click
 import numpy as np
 
 from orientd import kernels
+from orientd.planner.certify import measuring
 
 STORED = Path(__file__).resolve().parents[1] / "data" / "ledger.npz"
 COUNTS = {
@@ -56,21 +57,23 @@ called: Counter[str] = Counter()
 won: list[str] = []
 
 
-def _counted(name: str) -> None:
-    """Count the calls of a kernel; those that only look at a path have no tolerance."""
-    kernel = getattr(kernels, name, None)
-    if kernel is None:
+def _counted(module: Any, name: str) -> None:
+    """Count the calls of a function; those that only look at a path have no tolerance."""
+    function = getattr(module, name, None)
+    if function is None:
         return
 
-    def counted(*given: Any) -> Any:
-        called["looks" if name == "certify" and given[14] == 0.0 else name] += 1
-        return kernel(*given)
+    def counted(*given: Any, **more: Any) -> Any:
+        called["looks" if name == "measure" and not more.get("tolerance") else name] += 1
+        return function(*given, **more)
 
-    setattr(kernels, name, counted)
+    setattr(module, name, counted)
 
 
-for _kernel in ("certify", *TIMINGS):  # before the planner takes them by their names
-    _counted(_kernel)
+# Before the planner takes them by their names.
+for _kernel in TIMINGS:
+    _counted(kernels, _kernel)
+_counted(measuring, "measure")
 
 from bench.following_requests import blends  # noqa: E402
 from bench.single_requests import plans, quickest_turns  # noqa: E402
@@ -257,7 +260,7 @@ def row(kind: str, prepare: Callable[[], Work]) -> dict[str, Any]:
     else:
         found |= {"duration": before + motion.duration, "stop": motion.certificate.stop_time}
     found["cpu"] = time.thread_time() - begun
-    found |= {"plans": called["certify"], "timings": sum(called[name] for name in TIMINGS)}
+    found |= {"plans": called["measure"], "timings": sum(called[name] for name in TIMINGS)}
     return found | {"won": won[-1] if won else ""}
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from orientd import kernels
 from orientd.model.limits import Limits
 from orientd.planner import HISTORY
-from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
-from orientd.planner.certify.measuring import STATE, limit_table
+from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, law
+from orientd.planner.certify.measuring import limit_table
 from orientd.rotation import Floats, conjugate, log, multiply
 
 
@@ -53,19 +53,19 @@ def certified(
         period: s.
         brake_limits: for a certificate.
     """
-    rows = np.zeros((len(q), STATE))
-    rows[:, 4:10] = np.nan
+    rows: Floats = np.full((len(q), 10), np.nan)
     rows[:, : q.shape[1]] = q
     known = HISTORY * past
     if brake_limits is None:
-        table = np.full((3, 4), 1e300 if with_axes else np.inf)
+        table = np.full((3, 4), np.inf)
     else:
         table = limit_table(brake_limits)
-    found = np.empty(46)
+        with_axes = brake_limits.has_axes
+    found = np.empty(40)
     kernels.certify(
-        *(np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 18)), np.zeros(3)),
-        *(rows[known:], rows[:known], len(rows) - known, 0, False, False, period, table),
-        *(np.full(2, np.inf), 0.0 if brake_limits is None else 1.0, *LAW, found),
+        *(True, np.empty(0), np.empty((0, 0)), rows[known:], rows[:known], len(rows) - known),
+        *(0, False, False, period, table, 0, 4 if with_axes else 1),
+        *(0.0 if brake_limits is None else 1.0, *law(FASTEST_BRAKE_RATE), found),
     )
     records = found[24:36].reshape(3, 4)
     places = np.where(
@@ -74,10 +74,49 @@ def certified(
     return Extremes(
         found[:24].reshape(6, 4).tolist(),
         np.maximum(places, 0.0).astype(int).tolist(),
-        float(found[40]),
-        max(int(found[41]) + known - HISTORY, 0),
-        int(found[43]),
+        float(found[36]),
+        max(int(found[37]) + known - HISTORY, 0),
+        int(found[39]),
     )
+
+
+def brake_rate(
+    velocity: Floats,
+    acceleration: Floats,
+    jerk: float,
+    most: float,
+    most_jerk: float,
+    step: float = 1e-5,
+) -> float:
+    """Return the largest safe brake rate that the kernel finds for one point of a path.
+
+    Args:
+        velocity: of three values that are not a turn, shape ``(3,)``.
+        acceleration: shape ``(3,)``.
+        jerk: its size, in a direction across both.
+        most: limit of the acceleration; infinite for none.
+        most_jerk: limit of the jerk; infinite for none.
+        step: period of a path through the point, s: so short that nothing changes along it.
+    """
+    across = np.cross(velocity, acceleration)
+    size = float(np.linalg.norm(across))
+    twist = jerk * (across / size if size else np.array([0.0, 0.0, 1.0]))
+    t = step * np.arange(-4.0, 5.0)[:, None]
+    rows = np.concatenate(
+        [
+            t * (velocity + t * (acceleration / 2.0 + t * twist / 6.0)),
+            velocity + t * (acceleration + t * twist / 2.0),
+        ],
+        axis=1,
+    )
+    table = np.full((3, 4), np.inf)
+    table[1:, 0] = most, most_jerk
+    found = np.empty(40)
+    kernels.certify(
+        *(False, np.empty(0), np.empty((0, 0)), rows, np.empty((0, 6)), len(rows)),
+        *(0, False, False, step, table, 0, 1, 1.0, *law(FASTEST_BRAKE_RATE), found),
+    )
+    return float(found[36])
 
 
 def differences(q: Floats) -> tuple[Floats, Floats, Floats]:

@@ -10,17 +10,11 @@
 /* Seconds before its end that a path counts as ended: its last record is at rest, to rounding. */
 #define AT_REST 1e-9
 
-bool has_axes(matrix_t limits) {
-    for (index_t i = 0; i < limits.n * limits.m; i++)
-        if (i % limits.m && limits.v[i] < INFINITY)
-            return true;
-    return false;
-}
-
 index_t setpoints_of(const setpoints_t *from) { return from->before.n + from->count + from->held; }
 
 void begin_block(const setpoints_t *from, block_t *block) {
-    block->count = block->unknown = 0, block->first = from->first - from->before.n;
+    block->turns = from->turns, block->count = block->unknown = 0;
+    block->first = from->first - from->before.n;
 }
 
 void begin_sight(sight_t *sight, index_t boxes) {
@@ -28,69 +22,76 @@ void begin_sight(sight_t *sight, index_t boxes) {
     sight->unproven = 0, sight->boxes = boxes;
 }
 
-/* Take the rates of the turn from a setpoint. */
-static void stop_at(block_t *block, index_t i) {
-    for (index_t row = 4; row < POSITION; row++)
+/* Take the rates from a setpoint. */
+static void hold_at(block_t *block, index_t i) {
+    for (index_t row = RATES; row < TURN_ROWS; row++)
         block->rows[row][i] = 0.0;
 }
 
-/* Take all rates from a setpoint. */
-static void hold_at(block_t *block, index_t i) {
-    stop_at(block, i);
-    for (index_t row = MOVING; row < STATE_ROWS; row++)
-        block->rows[row][i] = 0.0;
+/* Write turns of a trajectory at some times. */
+static void sample_turns(const setpoints_t *from, row_t times, index_t begin, block_t *block) {
+    double samples[TURN_ROWS * BLOCK], rate = from->step / from->period, square = rate * rate;
+    matrix_t out = {samples, TURN_ROWS, times.n};
+    sample_trajectory(times, from->breaks, from->pieces, INFINITY, out);
+    for (index_t row = 0; row < TURN_ROWS; row++) {
+        const double *restrict found = row_of(out, row);
+        double *restrict to = block->rows[row] + begin;
+        double factor = row < 4 ? 1.0 : row < 7 ? rate : square;
+        for (index_t i = 0; i < times.n; i++)
+            to[i] = factor * found[i];
+    }
+}
+
+/* Write positions at some times. */
+static void sample_moves(const setpoints_t *from, row_t times, index_t begin, block_t *block) {
+    double rate = from->step / from->period;
+    for (index_t i = 0; i < times.n; i++) {
+        double place[3], speed[3];
+        put_move(from->breaks, from->pieces, times.v[i], (move_t){place, speed, NULL});
+        for (index_t axis = 0; axis < 3; axis++) {
+            block->rows[axis][begin + i] = place[axis];
+            block->rows[RATES + axis][begin + i] = rate * speed[axis];
+        }
+    }
 }
 
 /* Write records of a trajectory, the first of which is at a place in the block. */
 static void sample_block(const setpoints_t *from, index_t first, index_t begin, index_t end,
                          block_t *block) {
-    double times[BLOCK], samples[POSITION * BLOCK];
+    double times[BLOCK], start = from->breaks.v[0], stop = from->breaks.v[from->breaks.n - 1];
     index_t count = end - begin, last = from->first + from->count - 1;
-    double start = from->breaks.v[0], stop = from->breaks.v[from->breaks.n - 1];
-    double rate = from->step / from->period, square = rate * rate;
     for (index_t i = 0; i < count; i++)
-        times[i] = smaller(from->step * (double)least(first + i, last), stop);
-    matrix_t out = {samples, POSITION, count};
-    sample_trajectory((row_t){times, count}, from->breaks, from->pieces, INFINITY, out);
-    for (index_t row = 0; row < POSITION; row++) {
-        const double *restrict found = row_of(out, row);
-        double *restrict to = block->rows[row] + begin, factor = row < 4 ? 1.0 : row < 7 ? rate : square;
+        times[i] = from->step * (double)least(first + i, last);
+    if (from->turns) {
         for (index_t i = 0; i < count; i++)
-            to[i] = factor * found[i];
-    }
+            times[i] = smaller(times[i], stop);
+        sample_turns(from, (row_t){times, count}, begin, block);
+    } else
+        sample_moves(from, (row_t){times, count}, begin, block);
     for (index_t i = 0; i < count && from->rests[0] && times[i] <= start; i++)
-        stop_at(block, begin + i);
-    for (index_t axis = 0; axis < 3; axis++)
-        for (index_t i = begin; i < end; i++)
-            block->rows[POSITION + axis][i] = from->place.v[axis], block->rows[MOVING + axis][i] = 0.0;
-    for (index_t i = 0; i < count && from->moves.n; i++) {
-        double place[3], speed[3];
-        put_move(from->move_breaks, from->moves, times[i], (move_t){place, speed, NULL});
-        for (index_t axis = 0; axis < 3; axis++) {
-            block->rows[POSITION + axis][begin + i] = place[axis];
-            block->rows[MOVING + axis][begin + i] = rate * speed[axis];
-        }
-    }
+        hold_at(block, begin + i);
     for (index_t i = count - 1; i >= 0 && from->rests[1] && times[i] >= stop - AT_REST; i--)
         hold_at(block, begin + i);
 }
 
+/* Write a setpoint that is given as a row. */
+static void take_row(const setpoints_t *from, const double *row, index_t i, block_t *block) {
+    for (index_t k = 0; k < (from->turns ? TURN_ROWS : PLAIN_ROWS); k++)
+        block->rows[from->turns || k < 3 ? k : RATES + k - 3][i] = row[k];
+}
+
 index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
     index_t kept = least(block->count, KEPT), gone = block->count - kept;
-    for (index_t row = 0; row < STATE_ROWS && gone; row++)
+    for (index_t row = 0; row < TURN_ROWS && gone; row++)
         memmove(block->rows[row], block->rows[row] + gone, (size_t)kept * sizeof(double));
     block->first += gone;
     index_t end = least(setpoints_of(from), place + BLOCK - kept), at = kept;
     for (; place < end && place < from->before.n; place++, at++)
-        for (index_t row = 0; row < STATE_ROWS; row++)
-            block->rows[row][at] = row_of(from->before, place)[row];
+        take_row(from, row_of(from->before, place), at, block);
     index_t record = place - from->before.n, stop = at + end - place;
     if (from->rows.n)
-        for (index_t i = at; i < stop; i++) {
-            const double *state = row_of(from->rows, least(record + i - at, from->count - 1));
-            for (index_t row = 0; row < STATE_ROWS; row++)
-                block->rows[row][i] = state[row];
-        }
+        for (index_t i = at; i < stop; i++)
+            take_row(from, row_of(from->rows, least(record + i - at, from->count - 1)), i, block);
     else if (stop > at)
         sample_block(from, from->first + record, at, stop, block);
     /* The setpoints after the last one hold it, so their rates are zero. */
@@ -98,39 +99,9 @@ index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
         hold_at(block, i);
     block->count = stop;
     block->unknown = stop;
-    while (block->unknown > 0 && !isnan(block->rows[4][block->unknown - 1]))
+    while (block->unknown > 0 && !isnan(block->rows[RATES][block->unknown - 1]))
         block->unknown--;
     return end;
-}
-
-/* Return the square of a bound of a cubic, or of one up to which a bound need not be closer. */
-static double bound_of(const cubic_t *cubic, int halvings, double enough) {
-    double bound = 0.0;
-    for (int k = 0; k < 4; k++)
-        bound = larger(bound, dot(cubic->at[k], cubic->at[k]));
-    if (bound <= enough || !halvings)
-        return bound;
-    cubic_t one, other;
-    halve(cubic, &one, &other);
-    return larger(bound_of(&one, halvings - 1, enough), bound_of(&other, halvings - 1, enough));
-}
-
-void take_moves(const block_t *block, double period, index_t past, extremes_t *found) {
-    for (index_t order = 0; order < 2; order++) {
-        index_t first = order ? 1 + past : 2 * past;
-        for (index_t i = first; i + 1 < block->count; i++) {
-            vec_t way = move_at(block, POSITION, i, order);
-            double size = dot(way, way);
-            cubic_t cubic;
-            note(norm(way), found->moved_on_records + order);
-            if (i > first && put_cubic(block, period, i, order, &cubic))
-                size = larger(size, bound_of(&cubic, HALVINGS, found->moved[order]));
-            /* NaN counts as the largest value and is never replaced. */
-            if (!(size <= found->moved[order]) && found->moved[order] < INFINITY)
-                found->moved[order] = size,
-                found->move_places[order] = (double)(block->first + i + 1);
-        }
-    }
 }
 
 /* Note how long the longest stop takes, on a straight path: a double integrator with bounded jerk,
@@ -160,14 +131,6 @@ static void take_stops(const block_t *block, index_t begin, const measure_t *how
             found->stop_time = times_of[i];
 }
 
-/* Return whether the position changes. */
-static bool is_moving(const setpoints_t *from) {
-    bool is_same = !from->rows.n && !from->moves.n;
-    for (index_t i = 0; i < from->before.n && is_same; i++)
-        is_same = !memcmp(row_of(from->before, i) + POSITION, from->place.v, 3 * sizeof(double));
-    return !is_same;
-}
-
 /* Share of a limit from which on a difference is taken to be about the largest. */
 #define HIGH 0.9
 
@@ -175,7 +138,6 @@ typedef struct {
     const setpoints_t *from;
     const measure_t *how;
     extremes_t *found;
-    bool with_axes;
     block_t block;
     sight_t sight;
 } certifying_t;
@@ -183,28 +145,36 @@ typedef struct {
 /* Bounds of the differences in a block, and the place where the block begins. */
 typedef struct { double bounds[12]; index_t place, past; } outline_t;
 
+/* Return whether a difference is looked for and may be larger than the largest that is known. */
 static bool is_open(const certifying_t *at, const outline_t *outline, int slot) {
-    return !(outline->bounds[slot] <= cut_of(at->sight.known[slot / 4][slot % 4]));
+    return is_wanted(at->how, slot)
+        && !(outline->bounds[slot] <= cut_of(at->sight.known[slot / 4][slot % 4]));
 }
 
 /* Look at a block between its records, too. */
 static void look_closely(certifying_t *at, const outline_t *outline) {
     take_phases(&at->block, true, &at->sight);
-    note_differences(&at->block, outline->past, at->with_axes, true, &at->sight, at->found);
-    brake(&at->block, &at->sight, at->from->period, at->how, at->found);
-    for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4)
-        if (is_open(at, outline, slot))
+    note_differences(&at->block, outline->past, at->how, true, &at->sight, at->found);
+    for (int slot = 0; slot < 12; slot++)
+        if (is_open(at, outline, slot)) {
             prove(&at->block, outline->past, slot / 4 + 1, slot % 4, &at->sight, at->found);
-        else
+        } else if (is_wanted(at->how, slot)) {
             note(outline->bounds[slot], at->found->squares + slot);
+            for (index_t i = 0; i < BLOCK; i++)
+                at->sight.proven[slot][i] = INFINITY;
+        }
+    brake(&at->block, &at->sight, at->from->period, at->how, at->found);
 }
 
 /* Write bounds of the differences in a block; return whether the block needs a check now. */
 static bool put_outline(const certifying_t *at, outline_t *outline) {
     double unit = 1.0;
     bool is_high = at->block.unknown > 0;
-    for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4) {
+    for (int slot = 0; slot < 12; slot++) {
         unit *= slot % 4 ? 1.0 : at->from->period;
+        outline->bounds[slot] = 0.0;
+        if (!is_wanted(at->how, slot))
+            continue;
         double limit = row_of(at->how->limits, slot / 4)[slot % 4];
         outline->bounds[slot] = crude_bound(&at->sight, slot / 4 + 1, slot % 4);
         is_high |= at->sight.known[slot / 4][slot % 4] > HIGH * limit * unit
@@ -218,7 +188,6 @@ static bool put_outline(const certifying_t *at, outline_t *outline) {
 static int prove_all(certifying_t *at) {
     const setpoints_t *from = at->from;
     index_t total = setpoints_of(from), count = 0, past = from->before.n > 0;
-    bool moves = is_moving(from);
     outline_t *left = malloc((size_t)(total / (BLOCK - KEPT) + 2) * sizeof *left);
     if (left == NULL)
         return OUT_OF_MEMORY;
@@ -227,23 +196,20 @@ static int prove_all(certifying_t *at) {
         outline_t outline = {.place = read, .past = past};
         read = fill_block(from, read, &at->block);
         take_records(&at->block, from->period, true, &at->sight);
-        note_differences(&at->block, past, at->with_axes, false, &at->sight, at->found);
+        note_differences(&at->block, past, at->how, false, &at->sight, at->found);
         if (put_outline(at, &outline))
             look_closely(at, &outline);
         else
             left[count++] = outline;
-        if (moves) {
-            take_moves(&at->block, from->period, past, at->found);
-            brake_moves(&at->block, from->period, past, at->how, at->found);
-        }
-        take_stops(&at->block, known, at->how, at->found);
+        if (from->turns)
+            take_stops(&at->block, known, at->how, at->found);
         past = 0;
     }
     for (index_t i = 0; i < count; i++) {
         bool is_needed = is_risky(left[i].bounds, from->period, at->how, at->found->rate);
-        for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4)
+        for (int slot = 0; slot < 12; slot++)
             is_needed |= is_open(at, &left[i], slot);
-        for (int slot = 0; slot < 12 && !is_needed; slot += at->with_axes ? 1 : 4)
+        for (int slot = 0; slot < 12 && !is_needed; slot++)
             note(left[i].bounds[slot], at->found->squares + slot);
         if (!is_needed)
             continue;
@@ -264,7 +230,7 @@ int certify(const setpoints_t *from, const measure_t *how, extremes_t *found) {
         return OUT_OF_MEMORY;
     index_t total = setpoints_of(from), past = from->before.n > 0;
     int failed = 0;
-    at->from = from, at->how = how, at->found = found, at->with_axes = has_axes(how->limits);
+    at->from = from, at->how = how, at->found = found;
     begin_sight(&at->sight, BOXES_AT_LEAST + BOXES_A_RECORD * total);
     begin_block(from, &at->block);
     if (how->tolerance > 0.0)
@@ -274,13 +240,9 @@ int certify(const setpoints_t *from, const measure_t *how, extremes_t *found) {
             read = fill_block(from, read, &at->block);
             take_records(&at->block, from->period, false, &at->sight);
             take_phases(&at->block, false, &at->sight);
-            note_differences(&at->block, past, at->with_axes, true, &at->sight, found);
-            if (is_moving(from))
-                take_moves(&at->block, from->period, past, found);
+            note_differences(&at->block, past, at->how, true, &at->sight, found);
         }
     found->unproven = (double)at->sight.unproven;
-    double speed = sqrt(found->moved[0]) / from->period / how->move_limits.v[1];
-    found->stop_time = larger(speed, found->stop_time);
     free(at);
     return failed;
 }

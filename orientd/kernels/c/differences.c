@@ -45,9 +45,19 @@ static void turn_far(double (*q)[BLOCK], index_t count, lanes_t *omega) {
     }
 }
 
+/* Write the steps between setpoints that are not turns. */
+static void step(double (*restrict values)[BLOCK], index_t count, lanes_t *restrict rates) {
+    double *lanes[3] = {rates->x, rates->y, rates->z};
+    for (int k = 0; k < 3; k++)
+        for (index_t i = 0; i < count; i++)
+            lanes[k][i] = values[k][i + 1] - values[k][i];
+}
+
 /* Write the differences of setpoints, of all orders. */
-static void differ(double (*q)[BLOCK], index_t setpoints, lanes_t *rates) {
-    if (turn_near(q, setpoints - 1, rates))
+static void differ(double (*q)[BLOCK], bool is_turn, index_t setpoints, lanes_t *rates) {
+    if (!is_turn)
+        step(q, setpoints - 1, rates);
+    else if (turn_near(q, setpoints - 1, rates))
         turn_far(q, setpoints - 1, rates);
     for (index_t order = 1; order < 3; order++) {
         const lanes_t *lower = rates + order - 1;
@@ -58,9 +68,22 @@ static void differ(double (*q)[BLOCK], index_t setpoints, lanes_t *rates) {
     }
 }
 
-/* Write the setpoints at a phase. */
-static void draw(const block_t *block, const segments_t *segments, double u,
-                 double (*restrict q)[BLOCK]) {
+/* Write the setpoints at a phase that are not turns. */
+static void draw_values(const block_t *block, const segments_t *segments, double u,
+                        double (*restrict values)[BLOCK]) {
+    const double (*rows)[BLOCK] = block->rows;
+    INDEPENDENT
+    for (index_t i = 0; i < block->count - 1; i++) {
+        vec_t way = law_value(law_of(segments, i), u);
+        values[0][i] = rows[0][i] + way.x;
+        values[1][i] = rows[1][i] + way.y;
+        values[2][i] = rows[2][i] + way.z;
+    }
+}
+
+/* Write the turns at a phase. */
+static void draw_turns(const block_t *block, const segments_t *segments, double u,
+                       double (*restrict q)[BLOCK]) {
     const double (*rows)[BLOCK] = block->rows;
     INDEPENDENT
     for (index_t i = 0; i < block->count - 1; i++) {
@@ -118,11 +141,12 @@ INLINE bool is_growing(const segments_t *segments, index_t i, index_t order, int
                            : plus(at(&segments->jerk, i + 1), at(&segments->jerk, i + 2));
     bool is_one = true;
     for (index_t k = i; k <= i + order; k++) {
-        double loose = segments->speed[k] * segments->bend[k], distance;
+        double loose = segments->turning[k] * segments->bend[k], distance;
         vec_t first, last;
         if (order == 1) {
             first = at(&segments->leave, k), last = at(&segments->arrive, k);
-            distance = 0.125 * segments->twist[k] + 0.25 * segments->steps[k];
+            distance = 0.125 * peak_of_jerk(segments, k, column)
+                     + 0.25 * step_of(segments, k, column);
         } else if (order == 2) {
             first = at(&segments->begin, k), last = at(&segments->end, k);
             distance = 0.6 * loose;
@@ -131,9 +155,10 @@ INLINE bool is_growing(const segments_t *segments, index_t i, index_t order, int
         } else {
             first = at(&segments->jerk, k), last = plus(first, at(&segments->spin, k));
             distance = segments->spread[k];
-            double step = segments->steps[k], slack = 0.6 * segments->speed[k] * step;
+            double step = step_of(segments, k, column);
+            double slack = 0.6 * segments->turning[k] * segments->steps[k];
             jumps += is_along(at(&segments->step, k), slack, way, column) ? 0.0 : step;
-            jumps += k < i + order ? segments->jump[k] : 0.0;
+            jumps += k < i + order ? jump_of(segments, k, column) : 0.0;
         }
         is_one &= is_along(first, distance, way, column) & is_along(last, distance, way, column);
         double size = size_of(first, column), other = size_of(last, column);
@@ -151,6 +176,30 @@ INLINE bool is_growing(const segments_t *segments, index_t i, index_t order, int
     return is_one & (least_sum > 0.0) & (off + lean + off * lean <= 0.5);
 }
 
+/* Return a bound of a difference at the rate 1, or a given one if that is less. */
+INLINE double hull_at(const sight_t *sight, index_t i, index_t order, int column, double crude) {
+    const segments_t *segments = &sight->segments;
+    const double weights[4] = {1.0, (double)order, order == 3 ? 3.0 : 1.0, 1.0};
+    double hull = 0.0, rest = 0.0, bent = 0.0;
+    for (index_t k = 0; k < PHASE_NODES; k++)
+        hull = larger(hull, size_of(coefficient(sight, k, i, order), column));
+    for (index_t k = 0; k < order; k++)
+        rest = larger(rest, segments->rest[i + k]);
+    for (index_t k = 0; k <= order; k++)
+        bent += weights[k] * segments->steps[i + k];
+    hull += (order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0) * rest + BENT * bent;
+    return hull < crude ? hull : crude;
+}
+
+double hull_behind(const sight_t *sight, index_t i, index_t order, int column) {
+    return hull_at(sight, i, order, column, INFINITY);
+}
+
+bool grows(const sight_t *sight, index_t i, index_t order, int column) {
+    const segments_t *segments = &sight->segments;
+    return is_growing(segments, i, order, column, reach_of(segments, i, order, column));
+}
+
 /* Write bounds of differences over a period behind each record: while the path runs as planned, and
  * at every rate.
  *
@@ -158,31 +207,22 @@ INLINE bool is_growing(const segments_t *segments, index_t i, index_t order, int
 INLINE void put_bounds(const sight_t *sight, index_t begin, index_t order, int column,
                        double known, double *restrict hulls, double *restrict bounds) {
     const segments_t *segments = &sight->segments;
-    const double weights[4] = {1.0, (double)order, order == 3 ? 3.0 : 1.0, 1.0};
     INDEPENDENT
     for (index_t i = begin; i < sight->windows[order - 1]; i++) {
         reach_t reach = reach_of(segments, i, order, column);
-        double crude = reach_at(reach, order, 1.0), hull = 0.0, rest = 0.0, bent = 0.0;
-        double found = 0.0, speed = 0.0;
-        for (index_t k = 0; k < PHASE_NODES; k++)
-            hull = larger(hull, size_of(coefficient(sight, k, i, order), column));
-        for (index_t k = 0; k < order; k++)
-            rest = larger(rest, segments->rest[i + k]);
+        double crude = reach_at(reach, order, 1.0), hull = hull_at(sight, i, order, column, crude);
+        double found = 0.0, turning = 0.0;
         for (index_t p = 0; p < PHASES; p++)
             found = larger(found, size_of(at(&sight->rates[p][order - 1], i), column));
-        for (index_t k = 0; k <= order; k++) {
-            bent += weights[k] * segments->steps[i + k];
-            speed = larger(speed, segments->speed[i + k]);
-        }
-        hull += (order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0) * rest + BENT * bent;
-        hull = hull < crude ? hull : crude;
+        for (index_t k = 0; k <= order; k++)
+            turning = larger(turning, segments->turning[i + k]);
         /* From the rate on at which the averages allow more than is known already. */
         double low = lowest_rate(reach, order, known);
         double fall = order == 1 ? reach.most : (double)order * (reach.most + reach.steps);
         double near = larger(known, hull + (1.0 - low) * (fall + reach.slope));
         crude = near < crude ? near : crude;
         hulls[i] = hull;
-        bounds[i] = speed <= LARGEST_TURN ? crude : found;
+        bounds[i] = turning <= LARGEST_TURN ? crude : found;
     }
 }
 
@@ -251,10 +291,10 @@ double crude_bound(const sight_t *sight, index_t order, int column) {
     lane_t bounds;
     INDEPENDENT
     for (index_t i = sight->first; i < sight->windows[order - 1]; i++) {
-        double speed = 0.0, bound = reach_at(reach_of(segments, i, order, column), order, 1.0);
+        double turning = 0.0, bound = reach_at(reach_of(segments, i, order, column), order, 1.0);
         for (index_t k = 0; k <= order; k++)
-            speed = larger(speed, segments->speed[i + k]);
-        bounds[i] = speed <= LARGEST_TURN ? bound : INFINITY;
+            turning = larger(turning, segments->turning[i + k]);
+        bounds[i] = turning <= LARGEST_TURN ? bound : INFINITY;
     }
     for (index_t i = sight->first; i < sight->windows[order - 1]; i++)
         if (!(bounds[i] <= largest) && largest == largest)
@@ -264,15 +304,14 @@ double crude_bound(const sight_t *sight, index_t order, int column) {
 
 void prove(const block_t *block, index_t past, index_t order, int column, sight_t *sight,
            extremes_t *found) {
-    lane_t hulls, bounds;
+    lane_t hulls;
     double *known = &sight->known[order - 1][column];
     index_t slot = 4 * (order - 1) + column, first = (3 - order) * past;
+    double *bounds = sight->proven[slot];
     put_bounds_of(sight, sight->first, order, column, *known, hulls, bounds);
     for (index_t i = most(first, sight->first); i < sight->windows[order - 1]; i++) {
         double bound = bounds[i];
-        if (!(bound <= cut_of(*known))
-            && is_growing(&sight->segments, i, order, column,
-                          reach_of(&sight->segments, i, order, column)))
+        if (!(bound <= cut_of(*known)) && grows(sight, i, order, column))
             bound = hulls[i];
         if (!(bound <= cut_of(*known))) {
             double before = *known;
@@ -280,6 +319,7 @@ void prove(const block_t *block, index_t past, index_t order, int column, sight_
                             &sight->boxes);
             sight->unproven += bound == NOT_TIGHT;
             bound = bound == NOT_TIGHT ? *known : bound;
+            bounds[i] = bound;
             if (*known > before)
                 found->places[slot] = (double)(block->first + i + order);
         }
@@ -298,33 +338,36 @@ void take_records(const block_t *block, double period, bool is_proof, sight_t *s
     if (block->count < 2)
         return;
     memcpy(sight->q[0], block->rows, sizeof sight->q[0]);
-    differ(sight->q[0], block->count, sight->rates[0]);
+    differ(sight->q[0], block->turns, block->count, sight->rates[0]);
     if (sight->windows[0])
         put_laws(block, period, &sight->rates[0][0], &sight->segments);
     if (sight->windows[0] && is_proof)
-        put_segments(block->count - 1, &sight->rates[0][0], &sight->segments);
+        put_segments(block->count - 1, block->turns, &sight->rates[0][0], &sight->segments);
 }
 
 void take_phases(const block_t *block, bool is_proof, sight_t *sight) {
     if (!sight->windows[0])
         return;
     for (index_t p = 1; p < PHASES; p++) {
-        draw(block, &sight->segments, node_of(p), sight->q[p]);
-        differ(sight->q[p], block->count - 1, sight->rates[p]);
+        (block->turns ? draw_turns : draw_values)(block, &sight->segments, node_of(p), sight->q[p]);
+        differ(sight->q[p], block->turns, block->count - 1, sight->rates[p]);
     }
     if (!is_proof)
         return;
     put_hulls(sight, sight->windows[0]);
     for (index_t k = sight->first; k < block->count - 1; k++)
-        sight->unproven += !(sight->segments.speed[k] <= LARGEST_TURN);
+        sight->unproven += !(sight->segments.turning[k] <= LARGEST_TURN);
 }
 
-void note_differences(const block_t *block, index_t past, bool with_axes, bool with_phases,
+void note_differences(const block_t *block, index_t past, const measure_t *how, bool with_phases,
                       sight_t *sight, extremes_t *found) {
-    for (index_t order = 1; order <= 3; order++)
-        for (int column = 0; column < (with_axes ? 4 : 1); column++) {
-            index_t phases = with_phases && sight->windows[order - 1] > 0 ? PHASES : 1;
-            note_found(sight, (3 - order) * past, order, column, block->first, phases, found);
-            note(sight->known[order - 1][column], found->squares + 4 * (order - 1) + column);
-        }
+    for (int slot = 0; slot < 12; slot++) {
+        index_t order = slot / 4 + 1;
+        int column = slot % 4;
+        if (!is_wanted(how, slot))
+            continue;
+        index_t phases = with_phases && sight->windows[order - 1] > 0 ? PHASES : 1;
+        note_found(sight, (3 - order) * past, order, column, block->first, phases, found);
+        note(sight->known[order - 1][column], found->squares + slot);
+    }
 }

@@ -17,6 +17,9 @@
  * difference has those before and after it in one block. */
 enum { BLOCK = 256, KEPT = HISTORY + 2 };
 
+/* The row of a block in which velocities begin. */
+enum { RATES = 4 };
+
 /* Phases at which a difference is taken, the record itself being the first: with the record after
  * it they are the nodes of a polynomial of the fourth degree. */
 enum { PHASES = 4, PHASE_NODES = PHASES + 1 };
@@ -74,10 +77,11 @@ INLINE double size_of(vec_t v, int column) {
     return column == 0 ? norm(v) : fabs(column == 1 ? v.x : column == 2 ? v.y : v.z);
 }
 
-/* Setpoints: states, of which the first ones may have no rates, being not numbers.  The first is that
- * of a record. */
+/* Setpoints of a channel, of which the first ones may have no rates, being not numbers.  The first is
+ * that of a record.  Velocities begin in row RATES, so that three values leave a row out. */
 typedef struct {
-    double rows[STATE_ROWS][BLOCK];
+    bool turns;
+    double rows[TURN_ROWS][BLOCK];
     index_t count, unknown, first;
 } block_t;
 
@@ -87,27 +91,31 @@ typedef struct {
  * leave, arrive: angular velocity at both ends, rad.
  * begin, end, before, behind: angular acceleration at both ends and before and behind its step.
  * jerk, spin: the jerk at the beginning, and by how much it turns until the end.
+ * jump: step of the acceleration at the record behind, but for loose, by which it may be larger.
+ * jumped: the size of all of that.
  * speed, bend, twist: bounds of velocity, acceleration and jerk but for that of a step.
+ * turning: the velocity again if it is that of a turn, else 0: what does not commute grows with it.
  * spread: largest difference between the real jerk and this one.
  * steps: the size of the step.
- * jump: step of the acceleration at the record behind.
  * coupling: bounds of F, N and N' of segments.c between the record, the next and the one after that.
  * slope: of the derivative of F by the rate.
  * rest: error of the first differences over that time against a polynomial of the fourth degree. */
 typedef struct {
     lanes_t first, second, third, step;
     lane_t place;
-    lanes_t leave, arrive, begin, end, before, behind, jerk, spin;
-    lane_t speed, bend, twist, spread, steps, jump;
+    lanes_t leave, arrive, begin, end, before, behind, jerk, spin, jump;
+    lane_t speed, bend, twist, turning, spread, steps, loose, jumped;
     lane_t coupling[3], slope, rest;
 } segments_t;
 
 /* Differences at the records and at the phases behind them, and bounds for all phases.
  *
- * q: setpoints at the phases.
+ * q: setpoints at the phases: orientations, or three values.
  * rates: their differences, of three orders.
  * hulls: Bernstein coefficients of the first ones.
  * known: the largest that was found of each, which is a lower bound.
+ * proven: by slot of extremes_t, bounds of the differences behind each record for all phases and
+ *     rates; infinite until one is needed.
  * counts, windows: how many differences of an order there are on the records, and behind them.
  * first: from which record on there are the latter.
  * unproven: periods in which the path turns too far for a proof, and bounds that were not tight when
@@ -118,6 +126,7 @@ typedef struct {
     lanes_t rates[PHASES][3];
     lanes_t hulls[PHASE_NODES];
     double known[3][4];
+    lane_t proven[12];
     segments_t segments;
     index_t counts[3], windows[3], first, unproven, boxes;
 } sight_t;
@@ -155,64 +164,26 @@ void take_phases(const block_t *block, bool is_proof, sight_t *sight);
  * past: how many accelerations, and twice as many velocities, are not to count as largest.
  * with_phases: whether those between the records count.
  * sight: begun before the first block. */
-void note_differences(const block_t *block, index_t past, bool with_axes, bool with_phases,
+void note_differences(const block_t *block, index_t past, const measure_t *how, bool with_phases,
                       sight_t *sight, extremes_t *found);
 
 /* Return what no difference of a kind exceeds, at any phase and rate; infinite without a proof. */
 double crude_bound(const sight_t *sight, index_t order, int column);
 
-/* Note bounds of the differences of a kind, near the largest that was found. */
+/* Note bounds of the differences of a kind, close where they are near the largest that was found. */
 void prove(const block_t *block, index_t past, index_t order, int column, sight_t *sight,
            extremes_t *found);
 
-/* Note bounds of the differences of the position at the rate 1, at any phase. */
-void take_moves(const block_t *block, double period, index_t past, extremes_t *found);
-
-INLINE vec_t at_row(const block_t *block, index_t row, index_t i) {
-    return vec(block->rows[row][i], block->rows[row + 1][i], block->rows[row + 2][i]);
+/* Return whether a difference is looked for, by its slot in extremes_t. */
+INLINE bool is_wanted(const measure_t *how, int slot) {
+    return slot / 4 < how->limits.n && slot % 4 >= how->first && slot % 4 < how->end;
 }
 
-/* Return the difference of three rows that ends at the setpoint after one: 0 for the first
- * difference, 1 for the second. */
-INLINE vec_t move_at(const block_t *block, index_t row, index_t i, index_t order) {
-    vec_t way = minus(at_row(block, row, i + 1), at_row(block, row, i));
-    return order ? minus(way, minus(at_row(block, row, i), at_row(block, row, i - 1))) : way;
-}
+/* Return a bound of a difference behind a record at the rate 1, whatever the phase. */
+double hull_behind(const sight_t *sight, index_t i, index_t order, int column);
 
-/* Bernstein coefficients of a difference of the position over the phases of a period.
- *
- * Between two records the position is the cubic with the velocities of both.  So a difference at
- * the rate 1 is a cubic of the phase, too, whose slope is the same difference of the velocity. */
-typedef struct { vec_t at[4]; } cubic_t;
-
-/* Write the difference over the period before that which ends at the setpoint after one.  Return
- * whether it is known: a record may have no velocity. */
-INLINE bool put_cubic(const block_t *block, double period, index_t i, index_t order, cubic_t *to) {
-    vec_t begin = move_at(block, POSITION, i - 1, order);
-    vec_t end = move_at(block, POSITION, i, order);
-    vec_t leave = times(period / 3.0, move_at(block, MOVING, i - 1, order));
-    vec_t arrive = times(period / 3.0, move_at(block, MOVING, i, order));
-    *to = (cubic_t){{begin, plus(begin, leave), minus(end, arrive), end}};
-    return !isnan(leave.x + leave.y + leave.z + arrive.x + arrive.y + arrive.z);
-}
-
-/* How often a period is halved for a bound.  The coefficients of its parts are at most a 64th of
- * what those of the whole period are off. */
-enum { HALVINGS = 3 };
-
-/* Write the coefficients of both halves of a cubic, by de Casteljau's algorithm. */
-INLINE void halve(const cubic_t *cubic, cubic_t *one, cubic_t *other) {
-    const vec_t *c = cubic->at;
-    vec_t first = times(0.5, plus(c[0], c[1])), last = times(0.5, plus(c[2], c[3]));
-    vec_t top = times(0.5, plus(c[1], c[2]));
-    vec_t before = times(0.5, plus(first, top)), behind = times(0.5, plus(top, last));
-    vec_t middle = times(0.5, plus(before, behind));
-    *one = (cubic_t){{c[0], first, before, middle}};
-    *other = (cubic_t){{middle, behind, last, c[3]}};
-}
-
-/* Return whether a component is limited by itself. */
-bool has_axes(matrix_t limits);
+/* Return whether a difference behind a record grows with the rate, whatever the phase. */
+bool grows(const sight_t *sight, index_t i, index_t order, int column);
 
 /* brake.c */
 
@@ -222,10 +193,6 @@ bool is_risky(const double bounds[12], double period, const measure_t *how, doub
 /* Lower the brake rate to the least that is safe in a block at any phase. */
 void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,
            extremes_t *found);
-
-/* The same for the position, whose differences have no third order. */
-void brake_moves(const block_t *block, double period, index_t past, const measure_t *how,
-                 extremes_t *found);
 
 /* segments.c */
 
@@ -240,15 +207,38 @@ INLINE law_t law_of(const segments_t *segments, index_t k) {
  * turns: rotation vectors from each record to the next. */
 void put_laws(const block_t *block, double period, const lanes_t *turns, segments_t *segments);
 
-/* Write what else there is to know of some laws. */
-void put_segments(index_t count, const lanes_t *turns, segments_t *segments);
+/* Write what else there is to know of some laws.
+ *
+ * is_turn: whether they are of a turn; otherwise all of them commute. */
+void put_segments(index_t count, bool is_turn, const lanes_t *turns, segments_t *segments);
+
+/* Return the step of the acceleration at the record behind, or of a component of it. */
+INLINE double jump_of(const segments_t *segments, index_t k, int column) {
+    return column == 0 ? segments->jumped[k]
+                       : size_of(at(&segments->jump, k), column) + segments->loose[k];
+}
 
 /* What bounds differences of an order that begin behind a record, whatever the phase and the rate.
  *
  * most: of velocity, acceleration or jerk, of the norm or a component.
  * steps: in the acceleration.
+ * impulse: what they can add to a third difference.  A step counts with the weight that a quadratic
+ *     B-spline has there: at most 0.75, and at records, a period apart, at most 1 for all of them.
  * off, slope: what does not commute, and its derivative by the rate. */
-typedef struct { double most, steps, off, slope; } reach_t;
+typedef struct { double most, steps, impulse, off, slope; } reach_t;
+
+/* Return the step of the acceleration between a record and the next, or of a component of it. */
+INLINE double step_of(const segments_t *segments, index_t k, int column) {
+    double step = segments->steps[k];
+    return column == 0 ? step : size_of(at(&segments->step, k), column)
+                              + 0.6 * segments->turning[k] * step;
+}
+
+/* Return the largest size of a component of the jerk between a record and the next. */
+INLINE double peak_of_jerk(const segments_t *segments, index_t k, int column) {
+    vec_t jerk = at(&segments->jerk, k), last = plus(jerk, at(&segments->spin, k));
+    return larger(size_of(jerk, column), size_of(last, column)) + segments->spread[k];
+}
 
 /* Return the largest velocity, acceleration or jerk between a record and the next. */
 INLINE double peak_of(const segments_t *segments, index_t k, index_t order, int column) {
@@ -257,34 +247,29 @@ INLINE double peak_of(const segments_t *segments, index_t k, index_t order, int 
     if (order == 1)
         return larger(size_of(at(&segments->leave, k), column),
                        size_of(at(&segments->arrive, k), column))
-             + 0.125 * segments->twist[k] + 0.25 * segments->steps[k];
+             + 0.125 * peak_of_jerk(segments, k, column) + 0.25 * step_of(segments, k, column);
     if (order == 2)
         return larger(larger(size_of(at(&segments->begin, k), column),
                                size_of(at(&segments->end, k), column)),
                        larger(size_of(at(&segments->before, k), column),
                                size_of(at(&segments->behind, k), column)))
-             + 0.6 * segments->speed[k] * segments->bend[k];
-    vec_t jerk = at(&segments->jerk, k), last = plus(jerk, at(&segments->spin, k));
-    return larger(size_of(jerk, column), size_of(last, column)) + segments->spread[k];
-}
-
-/* Return the step of the acceleration between a record and the next, or of a component of it. */
-INLINE double step_of(const segments_t *segments, index_t k, int column) {
-    double step = segments->steps[k];
-    return column == 0 ? step : size_of(at(&segments->step, k), column)
-                              + 0.6 * segments->speed[k] * step;
+             + 0.6 * segments->turning[k] * segments->bend[k];
+    return peak_of_jerk(segments, k, column);
 }
 
 INLINE reach_t reach_of(const segments_t *segments, index_t i, index_t order, int column) {
-    reach_t reach = {peak_of(segments, i, order, column), step_of(segments, i, column), 0.0, 0.0};
-    double slope = 0.0, bend = 0.0;
+    double first = step_of(segments, i, column), slope = 0.0, bend = 0.0, jumps = 0.0, jump = 0.0;
+    reach_t reach = {peak_of(segments, i, order, column), first, 0.75 * first, 0.0, 0.0};
     for (index_t k = i; k < i + order; k++) {
         reach.most = larger(reach.most, peak_of(segments, k + 1, order, column));
-        reach.steps += segments->jump[k] + step_of(segments, k + 1, column);
+        double at_record = jump_of(segments, k, column), step = step_of(segments, k + 1, column);
+        reach.steps += at_record + step, reach.impulse += 0.75 * step;
+        jumps += at_record, jump = larger(jump, at_record);
         reach.off = larger(reach.off, segments->coupling[order - 1][k]);
         slope = larger(slope, segments->slope[k]);
         bend = larger(bend, segments->coupling[order == 2 ? 1 : 2][k]);
     }
+    reach.impulse += smaller(0.75 * jumps, jump);
     reach.slope = order == 1 ? slope : order == 2 ? 2.0 * slope + bend : 4.0 * slope + 2.0 * bend;
     return reach;
 }
@@ -294,13 +279,13 @@ INLINE double reach_at(reach_t reach, index_t order, double rate) {
     double most = reach.most * rate;
     if (order == 1)
         return most + reach.off;
-    return (order == 2 ? most * rate : most * rate * rate + 0.75 * rate * rate * reach.steps)
+    return (order == 2 ? most * rate : most * rate * rate + rate * rate * reach.impulse)
          + reach.off;
 }
 
 /* Return a rate up to which no difference is larger than a known one. */
 INLINE double lowest_rate(reach_t reach, index_t order, double known) {
-    double all = reach.most + (order == 3 ? 0.75 * reach.steps : 0.0);
+    double all = reach.most + (order == 3 ? reach.impulse : 0.0);
     double rate = (known - reach.off) / (all > 0.0 ? all : 1.0);
     rate = rate > 0.0 ? rate < 1.0 ? rate : 1.0 : 0.0;
     return order == 1 ? rate : sqrt(rate);

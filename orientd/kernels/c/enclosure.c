@@ -26,24 +26,32 @@ typedef struct {
     index_t i, order;
     int column;
     reach_t reach;
-    double rest, by_phase, by_rate, slope_by_phase, slope_by_rate;
+    double rest, by_phase, by_rate, slope_by_phase, slope_by_rate, bend;
     struct { quat_t q; law_t law; } from[4];  /* the records that it begins behind, and the paths */
 } difference_t;
 
-/* A setpoint, and the angular velocity there unless that is NULL. */
+/* A setpoint, and the velocity there unless that is NULL.  Three values are x, y and z. */
 INLINE quat_t state_at(const difference_t *d, double place, vec_t *omega) {
     index_t k = most(least((index_t)place - d->i, d->order), 0);
     law_t law = d->from[k].law;
     double c, s, u = place - (double)(d->i + k);
     vec_t turn = law_value(law, u);
+    if (!d->block->turns) {
+        const quat_t here = d->from[k].q;
+        if (omega != NULL)
+            *omega = law_rate(law, u);
+        return quat(0.0, here.x + turn.x, here.y + turn.y, here.z + turn.z);
+    }
     quat_t q = turned_by(d->from[k].q, turn, &c, &s);
     if (omega != NULL)
         *omega = right_jacobian(turn, c, s, law_rate(law, u));
     return q;
 }
 
-/* The rotation vector between two setpoints. */
-INLINE vec_t turn_between(quat_t p, quat_t q) {
+/* The rotation vector between two setpoints, or the step. */
+INLINE vec_t turn_between(bool is_turn, quat_t p, quat_t q) {
+    if (!is_turn)
+        return vec(q.x - p.x, q.y - p.y, q.z - p.z);
     quat_t turn = relative(p, q);
     double square = (turn.x * turn.x + turn.y * turn.y + turn.z * turn.z) / (turn.w * turn.w);
     if (square < SMALL)
@@ -51,9 +59,12 @@ INLINE vec_t turn_between(quat_t p, quat_t q) {
     return times(2.0, logarithm(shorter(turn)));
 }
 
+/* What differences are made of: the first ones of the setpoints, and these. */
+static const double STEP_WEIGHTS[3][3] = {{1, 0, 0}, {1, -1, 0}, {1, -2, 1}};
+static const double WEIGHTS[3][4] = {{1, -1, 0, 0}, {1, -2, 1, 0}, {1, -3, 3, -1}};
+
 /* Return the difference at a phase and a rate, and its derivative by the rate unless that is NULL. */
 INLINE vec_t difference_at(const difference_t *d, double phase, double rate, vec_t *slope) {
-    static const double weights[3][3] = {{1, 0, 0}, {1, -1, 0}, {1, -2, 1}};
     vec_t value = vec(0, 0, 0), omega, *velocity = slope != NULL ? &omega : NULL;
     if (slope != NULL)
         *slope = vec(0, 0, 0);
@@ -61,8 +72,8 @@ INLINE vec_t difference_at(const difference_t *d, double phase, double rate, vec
     quat_t q = state_at(d, here, NULL);
     for (index_t k = 0; k < d->order; k++) {
         quat_t before = state_at(d, here - (double)(k + 1) * rate, velocity);
-        double weight = weights[d->order - 1][k];
-        value = plus(value, times(weight, turn_between(before, q)));
+        double weight = STEP_WEIGHTS[d->order - 1][k];
+        value = plus(value, times(weight, turn_between(d->block->turns, before, q)));
         if (slope != NULL)
             *slope = plus(*slope, times((double)d->order * weight, omega));
         q = before;
@@ -76,6 +87,29 @@ static vec_t value_at(const difference_t *d, double phase) {
 
 static vec_t value_and_slope(const difference_t *d, double phase, double rate, vec_t *slope) {
     return difference_at(d, phase, rate, slope);
+}
+
+/* Return a bound of a difference that is not of turns around a phase and below a rate.
+ *
+ * It is the sum of weighted values at setpoints.  Around its tangent in both directions it changes by
+ * no more than half of its second derivatives, which the accelerations at the setpoints bound.
+ *
+ * value, slope: there, by the rate.
+ * width, height: of the phases and the rates. */
+static double tangent_bound(const difference_t *d, double phase, double rate, vec_t value,
+                            vec_t slope, double width, double height) {
+    static const double mixed[3] = {1, 4, 12}, squared[3] = {1, 6, 24}, plain[3] = {2, 4, 8};
+    vec_t by_phase = vec(0, 0, 0), velocity;
+    index_t n = d->order - 1;
+    for (index_t k = 0; k <= d->order; k++) {
+        state_at(d, (double)(d->i + d->order) + phase - (double)k * rate, &velocity);
+        by_phase = plus(by_phase, times(WEIGHTS[n][k], velocity));
+    }
+    double half = 0.5 * width, lowest = size_of(minus(value, times(height, slope)), d->column);
+    double curved = plain[n] * half * half + 2.0 * mixed[n] * half * height
+                  + squared[n] * height * height;
+    return larger(size_of(value, d->column), lowest) + half * size_of(by_phase, d->column)
+         + 0.5 * d->bend * curved;
 }
 
 /* Return a bound over phases at the rate 1 within which no acceleration has a step. */
@@ -116,7 +150,8 @@ static difference_t difference_of(const block_t *block, const segments_t *segmen
     double w = 0.0, a = 0.0, j = 0.0, change = 0.0, off[3] = {0.0};
     for (index_t k = i; k <= i + order; k++) {
         const double (*rows)[BLOCK] = block->rows;
-        d.from[k - i].q = quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k]);
+        d.from[k - i].q = block->turns ? quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k])
+                                       : quat(0.0, rows[0][k], rows[1][k], rows[2][k]);
         d.from[k - i].law = law_of(segments, k);
         w = larger(w, peak_of(segments, k, 1, column));
         a = larger(a, peak_of(segments, k, 2, column));
@@ -133,6 +168,7 @@ static difference_t difference_of(const block_t *block, const segments_t *segmen
             off[l] = larger(off[l], segments->coupling[l][k]);
     }
     double steps = d.reach.steps;
+    d.bend = a;
     d.rest *= order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0;
     switch (order) {
     case 1:
@@ -159,7 +195,8 @@ double enclose(const block_t *block, const segments_t *segments, index_t i, inde
     box_t boxes[STACK] = {{0.0, 1.0, low, 1.0}};
     int count = 1;
     for (int left = BOXES; count; left--) {
-        if (--*boxes_left < 0)
+        bool is_spent = --*boxes_left < 0;
+        if (is_spent && block->turns)
             return NOT_TIGHT;
         box_t box = boxes[--count];
         double width = box.to - box.from, height = box.high - box.low;
@@ -174,10 +211,13 @@ double enclose(const block_t *block, const segments_t *segments, index_t i, inde
         double line = larger(size, lowest) + turn + height * lean;
         double least_bound = line < near ? line : near;
         least_bound = crude < least_bound ? crude : least_bound;
+        if (!block->turns && !(least_bound <= cut_of(*known)))
+            least_bound = smaller(least_bound, tangent_bound(&d, middle, box.high, value, slope,
+                                                             width, height));
         if (!(size < INFINITY))
             return NAN;
         *known = larger(*known, size);
-        bool is_last = left <= 0 || count + 2 > STACK;
+        bool is_last = left <= 0 || count + 2 > STACK || is_spent;
         if (least_bound <= cut_of(*known) || is_last) {
             bound = larger(bound, least_bound);
             continue;

@@ -19,7 +19,12 @@
  * from.  First differences of setpoints are then averages of the velocity but for F, second ones
  * averages of the acceleration but for a difference of F's, which N bounds, and third ones averages
  * of the jerk but for a second difference of F's, which N' bounds.
+ *
+ * Three numbers that are not a turn commute: F, N and N' are zero, and every bound holds for each of
+ * them by itself.
  */
+#include <string.h>
+
 #include "differences.h"
 
 /* J_r(r) r'' and what the change of J_r adds: the angular acceleration. */
@@ -35,7 +40,8 @@ INLINE vec_t acceleration(vec_t r, vec_t rate, vec_t bend) {
     return plus(found, times(b, cross(rate, turn)));
 }
 
-void put_laws(const block_t *block, double period, const lanes_t *turns, segments_t *restrict to) {
+INLINE void put_laws_of(const block_t *block, bool is_turn, double period, const lanes_t *turns,
+                        segments_t *restrict to) {
     const double (*rows)[BLOCK] = block->rows;
     double square = period * period;
     INDEPENDENT
@@ -44,7 +50,7 @@ void put_laws(const block_t *block, double period, const lanes_t *turns, segment
         vec_t w = times(period, vec(rows[4][i + 1], rows[5][i + 1], rows[6][i + 1]));
         vec_t a = times(square, vec(rows[7][i], rows[8][i], rows[9][i]));
         vec_t b = times(square, vec(rows[7][i + 1], rows[8][i + 1], rows[9][i + 1]));
-        law_t law = law_between(at(turns, i), v, w, a, b);
+        law_t law = is_turn ? law_between(at(turns, i), v, w, a, b) : hermite(at(turns, i), v, w);
         put(&to->first, i, law.first), put(&to->second, i, law.second);
         put(&to->third, i, law.third), put(&to->step, i, law.step);
         to->place[i] = law.place;
@@ -52,7 +58,16 @@ void put_laws(const block_t *block, double period, const lanes_t *turns, segment
     }
 }
 
-void put_segments(index_t count, const lanes_t *turns, segments_t *restrict to) {
+void put_laws(const block_t *block, double period, const lanes_t *turns, segments_t *restrict to) {
+    if (block->turns)
+        put_laws_of(block, true, period, turns, to);
+    else
+        put_laws_of(block, false, period, turns, to);
+}
+
+/* Write what is known of each law by itself. */
+INLINE void put_alone(index_t count, bool is_turn, const lanes_t *turns, segments_t *restrict to) {
+    double turning = is_turn ? 1.0 : 0.0;
     INDEPENDENT
     for (index_t i = 0; i < count; i++) {
         vec_t v = at(&to->leave, i), w = at(&to->arrive, i), step = at(&to->step, i);
@@ -65,27 +80,45 @@ void put_segments(index_t count, const lanes_t *turns, segments_t *restrict to) 
         double w1 = larger(norm(v), norm(w)), j1 = norm(third), d = norm(step);
         double most = larger(larger(norm(second), norm(before)), larger(norm(behind), norm(last)));
         /* Between its ends the velocity is at most this much larger. */
-        double w2 = w1 + 0.125 * j1 + 0.25 * d, a2 = most + 0.3 * w2 * w2 * most;
+        double w2 = w1 + 0.125 * j1 + 0.25 * d, a2 = most + turning * 0.3 * w2 * w2 * most;
         put(&to->begin, i, second), put(&to->before, i, before), put(&to->behind, i, behind);
-        put(&to->end, i, acceleration(at(turns, i), rate, last));
-        vec_t jerk = minus(third, times(0.5, cross(v, second))), spin = cross(third, v);
+        put(&to->end, i, is_turn ? acceleration(at(turns, i), rate, last) : last);
+        vec_t jerk = minus(third, times(0.5 * turning, cross(v, second)));
+        vec_t spin = times(turning, cross(third, v));
         double spread = 0.6 * w2 * d + w2 * w2 * (0.7 * a2 + 0.2 * j1) + 0.5 * a2 * j1;
+        spread *= turning;
         put(&to->jerk, i, jerk), put(&to->spin, i, spin);
         to->speed[i] = w2, to->bend[i] = a2, to->steps[i] = d, to->spread[i] = spread;
         to->twist[i] = larger(norm(jerk), norm(plus(jerk, spin))) + spread;
+        to->turning[i] = turning * w2;
     }
+    INDEPENDENT
     for (index_t i = 0; i + 1 < count; i++) {
-        double w = to->speed[i];
-        to->jump[i] = norm(minus(at(&to->begin, i + 1), at(&to->end, i)))
-                    + 0.01 * w * w * w * w * to->bend[i];
+        double w = to->turning[i];
+        vec_t jump = minus(at(&to->begin, i + 1), at(&to->end, i));
+        put(&to->jump, i, jump);
+        to->loose[i] = 0.01 * w * w * w * w * to->bend[i];
+        to->jumped[i] = norm(jump) + to->loose[i];
     }
-    to->jump[count - 1] = 0.0;
+    put(&to->jump, count - 1, vec(0, 0, 0));
+    to->loose[count - 1] = to->jumped[count - 1] = 0.0;
+}
+
+void put_segments(index_t count, bool is_turn, const lanes_t *turns, segments_t *restrict to) {
+    if (!is_turn) {
+        put_alone(count, false, turns, to);
+        for (int row = 0; row < 3; row++)
+            memset(to->coupling[row], 0, sizeof to->coupling[row]);
+        memset(to->slope, 0, sizeof to->slope), memset(to->rest, 0, sizeof to->rest);
+        return;
+    }
+    put_alone(count, true, turns, to);
     INDEPENDENT
     for (index_t i = 0; i < count - 1; i++) {
         double w = larger(to->speed[i], to->speed[i + 1]);
         double a = larger(to->bend[i], to->bend[i + 1]);
         double j = larger(to->twist[i], to->twist[i + 1]);
-        double d = to->steps[i] + to->steps[i + 1] + to->jump[i];
+        double d = to->steps[i] + to->steps[i + 1] + jump_of(to, i, 0);
         double change = norm(minus(at(&to->jerk, i + 1), at(&to->jerk, i)))
                       + 2.0 * larger(norm(at(&to->spin, i)) + to->spread[i],
                                      norm(at(&to->spin, i + 1)) + to->spread[i + 1]);

@@ -22,13 +22,20 @@ have at their knots, falls only with :math:`\sigma^2`.  Both inequalities are qu
 Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega` if the acceleration
 keeps a reserve *r* below *A*.  Without a reserve the motion cannot brake.
 
-At full speed the device's differences average the acceleration over a period, at a lower speed over
-less.  So the acceleration at the records counts too, up to 95 % of the limit: a path that a
-device's axes have shaped may change it from record to record.  The same holds for the position,
-whose acceleration no jerk limits: it may change from record to record on any path.
+At full speed the device's differences average the acceleration over a period, at a lower speed
+over less.  So it sees of :math:`\alpha\sigma^2` at a rate no more than the least of three bounds.
+All of them are proven for every phase, and for every rate up to the one in question:
 
-If the joints of the device are planned, each of them obeys the first inequality with its own
-velocity, acceleration and limit (:mod:`orientd.planner.certify.joints`).
+- the certified bound of the differences there;
+- :math:`\sigma^2` times the largest acceleration of the path around;
+- :math:`\sigma^2` times a sum: the bound for the rate 1, plus :math:`1 - \sigma` times a third of
+  the jerk and half of the steps of the acceleration.  A second difference is a mean of the
+  acceleration, weighted with a hat.  This is by how much a narrower hat can change the mean.
+
+The velocity is its largest value in the period.  The angle between both, and the jerk, are those at
+the record and at three phases behind it.  The position and the axes of the device obey the same
+inequalities with their own velocity, acceleration and limits.  An axis has no angle, so only the
+jerk is sampled.
 
 The servo usually stops two to ten times as fast (:mod:`orientd.servo.path.quick_stop`).  The
 uniform rate is needed because it requires no prediction.  It is certified for every point, for
@@ -46,7 +53,6 @@ import math
 
 import numpy as np
 
-from orientd.kernels import least_rate
 from orientd.model.limits import Limits
 from orientd.rotation import Floats
 
@@ -83,8 +89,12 @@ _WORST = _MARGIN * np.min(
     (1.0 - (1.0 - _RESERVE_ROOT[:, None] ** 2) * _SIGMA**2) / _G.clip(1e-12), axis=1
 )
 
-LAW = np.stack([_SIGMA, _G]), _WORST, np.array([_SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN])
-"""Constants of this module for the kernels."""
+_LAW = np.stack([_SIGMA, _G]), _WORST
+
+
+def law(fastest: float) -> tuple[Floats, Floats, Floats]:
+    """Return the constants of this module for the kernel, which returns no rate above *fastest*."""
+    return *_LAW, np.array([_SIGMA_G, fastest, _MARGIN])
 
 
 def longest_stop(seconds: float) -> float:
@@ -136,25 +146,3 @@ def jerk_to_stop(velocity: Floats, acceleration: Floats, stop_time: float) -> Fl
     """
     rate = 1.0 / stop_time
     return _SIGMA_G * acceleration * rate + 4.0 * velocity * rate**2
-
-
-def brake_rate(
-    velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
-) -> tuple[float, int]:
-    """Return the largest safe brake rate for points of a path.
-
-    The angular part, the linear part and each component in the body frame obey the inequalities of
-    this module with their own limits.  The linear part has no jerk limit.
-
-    Args:
-        velocity: of the path, rad/s or m/s, shape ``(n, k)``.
-        acceleration: rad/s^2 or m/s^2, shape ``(n, k)``.
-        jerk: its size, rad/s^3 or m/s^3, shape ``(n,)``.
-        most: limit of the acceleration; infinite for none.
-        most_jerk: limit of the jerk; infinite for none.
-
-    Returns:
-        The rate in 1/s, in ``[0, FASTEST_BRAKE_RATE]``, and the index of the point that sets it.
-    """
-    v, a = np.ascontiguousarray(velocity), np.ascontiguousarray(acceleration)
-    return least_rate(v, a, np.ascontiguousarray(jerk), most, most_jerk, *LAW)

@@ -19,13 +19,12 @@ These are *sampled* only, at the records and three phases between them, at most 
 apart:
 
 - periods in which the path turns by more than 0.5 rad, which the certificate notes;
-- the angular values that set the brake rate;
-- all angular values of a plan without a certificate.
+- of what sets the brake rate, the jerk and the angle between velocity and acceleration;
+- all values of a plan without a certificate.
 
-Between two records the position is a cubic, so at the rate 1 its differences are cubics of the
-phase.  Their bounds, and the values of the position that set the brake rate, are those of their
-Bernstein coefficients.  At a lower rate the differences are not bounded again.  They fall with the
-rate and its square, unless the acceleration reverses twice within two periods.
+The turn of the tool is one *channel* of the certificate.  The position is another, and so is each
+group of up to three axes.  Between two records these are cubics, which commute: the same bounds
+hold for them without what rotations add.
 
 Differences that reach back to records without rates are checked on the records alone.
 """
@@ -33,14 +32,18 @@ Differences that reach back to records without rates are checked on the records 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from orientd import kernels
+from orientd.driver import AxisLimits
+from orientd.errors import LimitKind
 from orientd.model.limits import ANGULAR, Limits
-from orientd.planner.certify.brake import LAW
+from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, law
 from orientd.planner.certify.certificate import Peak
 from orientd.planner.facts import HISTORY
 from orientd.planner.path import Path
@@ -49,10 +52,41 @@ from orientd.rotation import Floats
 STATE = 16
 """Numbers of a setpoint: orientation, angular velocity and acceleration, position, velocity."""
 
-_EXTREMES = 46  # numbers of ``extremes_t`` in ``kernels/c/certify.h``
-_NO_ROWS: Floats = np.empty((0, STATE))
+_TURN = 10  # the first of them, which are about the turn
+_EXTREMES = 40  # numbers of ``extremes_t`` in ``kernels/c/certify.h``
+_MOST_AXES = 3  # that one channel holds
 _NO_PATH = np.empty(0), np.empty((0, 0))
-_STILL = np.empty(0), np.empty((0, 18))
+_KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
+
+
+class AxisRecords(NamedTuple):
+    """The axes of a device at the records of a path.
+
+    Attributes:
+        joints: angles, rad, shape ``(n, axes)``; the device stays at the last.
+        rates: velocities, rad/s, same shape.
+        earlier: angles at the three records before, oldest first, rad, shape ``(3, axes)``.
+        limits: of every axis.
+    """
+
+    joints: Floats
+    rates: Floats
+    earlier: Floats
+    limits: Sequence[AxisLimits]
+
+
+class AxisPeak(NamedTuple):
+    """A bound of a rate of an axis.
+
+    Attributes:
+        axis: the axis.
+        kind: velocity, acceleration or jerk.
+        peak: its bound, with the limit, rad and s.
+    """
+
+    axis: AxisLimits
+    kind: LimitKind
+    peak: Peak
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +107,8 @@ class Peaks:
             next two are empty if no single component is limited.
         axis_acceleration: of the angular acceleration, rad/s^2.
         axis_jerk: of the angular jerk, rad/s^3.
+        axes: of the axes of the device, one by one: velocity, acceleration and, if it is limited,
+            jerk.
         unproven: number of places without a proof, with sampled peaks.
     """
 
@@ -87,6 +123,7 @@ class Peaks:
     axis_velocity: tuple[Peak, ...] = ()
     axis_acceleration: tuple[Peak, ...] = ()
     axis_jerk: tuple[Peak, ...] = ()
+    axes: tuple[AxisPeak, ...] = ()
     unproven: int = 0
 
     @property
@@ -122,6 +159,76 @@ def limit_table(limits: Limits) -> Floats:
     return table
 
 
+class _Channel(NamedTuple):
+    """Setpoints of one channel, as the kernel takes them; see ``kernels/c/certify.h``."""
+
+    is_turn: bool
+    breaks: Floats
+    pieces: Floats
+    rows: Floats
+    before: Floats
+
+
+@dataclass(slots=True)
+class _Measure:
+    """Parameters that all channels share, and the least brake rate so far.
+
+    Attributes:
+        count: number of records.
+        held: number of setpoints after them.
+        period: s.
+        tolerance: as for :func:`measure`.
+        rate: the least brake rate, 1/s.
+        record: the record that sets it.
+        stop_time: of the longest usual stop, s.
+        unproven: number of places without a proof.
+    """
+
+    count: int
+    held: int
+    period: float
+    tolerance: float
+    rate: float = FASTEST_BRAKE_RATE
+    record: float = 0.0
+    stop_time: float = 0.0
+    unproven: int = 0
+
+    def peaks(
+        self, channel: _Channel, limits: Floats, columns: range, rests: tuple[bool, bool]
+    ) -> dict[tuple[int, int], Peak]:
+        """Return the bounds of a channel by order and column.
+
+        Args:
+            channel: its setpoints.
+            limits: of each order, of the norm and the components, shape ``(orders, 4)``.
+            columns: that count.
+            rests: whether it begins and ends at rest.
+        """
+        found: Floats = np.empty(_EXTREMES)
+        kernels.certify(
+            *channel, self.count, self.held, *rests, self.period,
+            limits, columns.start, columns.stop, self.tolerance, *law(self.rate), found,
+        )  # fmt: skip
+        numbers = found.tolist()
+        rate, record, stop_time, unproven = numbers[36:]
+        if rate < self.rate:
+            self.rate, self.record = rate, record
+        self.stop_time = max(self.stop_time, stop_time)
+        self.unproven += int(unproven)
+        unit, peaks = 1.0, {}
+        for order, most in enumerate(limits.tolist()):
+            unit *= self.period
+            for column in columns:
+                slot = 4 * order + column
+                peaks[order, column] = Peak(
+                    value=math.sqrt(numbers[slot]) / unit,
+                    time=numbers[24 + slot] * self.period,
+                    limit=most[column],
+                    on_records=math.sqrt(numbers[12 + slot]) / unit,
+                )
+        return peaks
+
+
 def measure(
     path: Path | Floats,
     count: int,
@@ -131,6 +238,7 @@ def measure(
     before: tuple[Floats, Floats] | None,
     rests: tuple[bool, bool] | None = None,
     tolerance: float = 0.0,
+    axes: AxisRecords | None = None,
 ) -> Peaks:
     """Return bounds of the backward differences over the records 0 to *count* - 1.
 
@@ -147,72 +255,116 @@ def measure(
             takes it from the path.
         tolerance: factor of the limits up to which the path may brake, for a certificate.  With 0
             there is no certificate, and differences are sampled.
+        axes: of the device, at the same records.
     """
-    rows, orientations, moves, place = _NO_ROWS, _NO_PATH, _STILL, np.zeros(3)
-    if isinstance(path, Path):
-        trajectory, positions = path.trajectory, path.positions
-        orientations, place = (trajectory.breaks, trajectory.pieces), positions.first
-        if not positions.is_held:
-            moves = positions.breaks, positions.coefficients.reshape(-1, 18)
-        rests = (path.begins_at_rest, True) if rests is None else rests
+    if rests is None:
+        rests = (path.begins_at_rest, True) if isinstance(path, Path) else (False, True)
+    how = _Measure(count, HISTORY if rests[1] else 0, period, tolerance)
+    table = limit_table(limits)
+    columns = range(4 if limits.has_axes else 1)
+    turns = how.peaks(_turn_of(path, before), table, columns, rests)
+    linear = np.zeros((2, 4))
+    linear[:, 0] = limits.linear_velocity, limits.linear_acceleration
+    position = _position_of(path, before)
+    if position is None:
+        moves = [Peak(0.0, 0.0, limit, 0.0) for limit in linear[:, 0].tolist()]
     else:
-        rows, rests = path, rests or (False, True)
-    rows_before = _NO_ROWS if before is None else _states(*before)
-    linear = np.array([limits.linear_velocity, limits.linear_acceleration])
-    found: Floats = np.empty(_EXTREMES)
-    kernels.certify(
-        *orientations, *moves, np.ascontiguousarray(place), rows, rows_before, count,
-        HISTORY if rests[1] else 0, rests[0], rests[1], period, limit_table(limits), linear,
-        tolerance, *LAW, found,
-    )  # fmt: skip
-    return _named(found.tolist(), period, limits)
-
-
-def _states(q: Floats, positions: Floats) -> Floats:
-    """Return setpoints before a path, with rates if the device held there."""
-    states: Floats = np.zeros((len(q), STATE))
-    states[:, :4], states[:, 10:13] = q, positions
-    if not (q == q[:1]).all():
-        states[:, 4:10] = np.nan
-    if not (positions == positions[:1]).all():
-        states[:, 13:] = np.nan
-    return states
-
-
-def _named(found: list[float], period: float, limits: Limits) -> Peaks:
-    """Return the kernel's results by name and in SI units."""
-    units = period, period**2, period**3
-
-    def turns(order: int) -> list[Peak]:
-        name, unit = ANGULAR[order], units[order]
-        most = [getattr(limits, name), *(limits.axes(name) if limits.has_axes else ())]
-        return [
-            Peak(
-                value=math.sqrt(found[slot]) / unit,
-                time=found[24 + slot] * period,
-                limit=limit,
-                on_records=math.sqrt(found[12 + slot]) / unit,
-            )
-            for slot, limit in enumerate(most, 4 * order)
-        ]
-
-    def linear(order: int, limit: float) -> Peak:
-        value, on_records = (math.sqrt(found[k + order]) / units[order] for k in (36, 44))
-        return Peak(value, found[38 + order] * period, limit, on_records)
-
-    (velocity, *spins), (acceleration, *bends), (jerk, *twists) = map(turns, range(3))
-    rate, record, stop_time, unproven = found[40:44]
+        moves = list(how.peaks(position, linear, range(1), (False, rests[1])).values())
+        how.stop_time = max(how.stop_time, moves[0].value / moves[1].limit)
+    of_axes = tuple(_axis_peaks(how, axes)) if axes is not None else ()
+    (velocity, *spins), (acceleration, *bends), (jerk, *twists) = (
+        [turns[order, column] for column in columns] for order in range(3)
+    )
     return Peaks(
         velocity=velocity,
         acceleration=acceleration,
         jerk=jerk,
-        linear_velocity=linear(0, limits.linear_velocity),
-        linear_acceleration=linear(1, limits.linear_acceleration),
-        brake_rate=rate,
-        brake_time=record * period,
-        usual_stop_time=stop_time,
+        linear_velocity=moves[0],
+        linear_acceleration=moves[1],
+        brake_rate=how.rate,
+        brake_time=how.record * period,
+        usual_stop_time=how.stop_time,
         axis_velocity=tuple(spins),
         axis_acceleration=tuple(bends),
         axis_jerk=tuple(twists),
-        unproven=int(unproven),
+        axes=of_axes,
+        unproven=how.unproven,
     )
+
+
+def _turn_of(path: Path | Floats, before: tuple[Floats, Floats] | None) -> _Channel:
+    earlier = np.zeros((0 if before is None else HISTORY, _TURN))
+    if before is not None:
+        earlier[:, :4] = before[0]
+        # The rates are known if the device held there.
+        earlier[:, 4:] = 0.0 if (before[0] == before[0][:1]).all() else np.nan
+    if isinstance(path, Path):
+        trajectory = path.trajectory
+        none = np.empty((0, _TURN))
+        return _Channel(True, trajectory.breaks, trajectory.pieces, none, earlier)
+    return _Channel(True, *_NO_PATH, np.ascontiguousarray(path[:, :_TURN]), earlier)
+
+
+def _position_of(path: Path | Floats, before: tuple[Floats, Floats] | None) -> _Channel | None:
+    """Return the position; ``None`` if it stays."""
+    places = np.empty((0, 3)) if before is None else before[1]
+    if isinstance(path, Path):
+        positions = path.positions
+        if positions.is_held and (places == positions.first).all():
+            return None
+        if positions.is_held:
+            # A kernel takes a position that stays as one quintic, whose velocity is zero.
+            breaks, pieces = np.array([0.0, path.duration]), np.zeros((1, 18))
+            pieces[0, :3] = positions.first
+        else:
+            breaks, pieces = positions.breaks, positions.coefficients.reshape(-1, 18)
+        return _Channel(False, breaks, pieces, np.empty((0, 6)), _plain_before(places))
+    rows = np.ascontiguousarray(path[:, _TURN:])
+    return _Channel(False, *_NO_PATH, rows, _plain_before(places))
+
+
+def _plain_before(values: Floats, rates: Floats | None = None) -> Floats:
+    """Return setpoints before a path that are not turns: values and their velocities."""
+    if rates is None:
+        # They are known if the device held there.
+        known = 0.0 if (values == values[:1]).all() else np.nan
+        rates = np.full(values.shape, known)
+    return np.concatenate([values, rates], axis=1)
+
+
+def _axis_peaks(how: _Measure, axes: AxisRecords) -> Iterator[AxisPeak]:
+    """Yield the peaks of the axes, up to three of which share a channel."""
+    past = _rates_before(axes) / how.period
+    for first in range(0, len(axes.limits), _MOST_AXES):
+        of = axes.limits[first : first + _MOST_AXES]
+        columns = slice(first, first + len(of))
+        orders = 3 if any(math.isfinite(axis.jerk) for axis in of) else 2
+        table: Floats = np.full((orders, 4), np.inf)
+        for column, axis in enumerate(of, 1):
+            table[:, column] = (axis.velocity, axis.acceleration, axis.jerk)[:orders]
+        rows, before = np.zeros((how.count, 6)), np.zeros((HISTORY, 6))
+        for at, values, rates in (
+            (rows, axes.joints, axes.rates),
+            (before, axes.earlier, past),
+        ):
+            at[:, : len(of)], at[:, 3 : 3 + len(of)] = values[:, columns], rates[:, columns]
+        before[np.isnan(before[:, 3]), 3:] = np.nan
+        channel = _Channel(False, *_NO_PATH, rows, before)
+        peaks = how.peaks(channel, table, range(1, 1 + len(of)), (False, True))
+        for column, axis in enumerate(of, 1):
+            for order, kind in enumerate(_KINDS[:orders]):
+                if kind is not LimitKind.JERK or math.isfinite(axis.jerk):
+                    yield AxisPeak(axis, kind, peaks[order, column])
+
+
+def _rates_before(axes: AxisRecords) -> Floats:
+    """Return the motion per period at the three records before a path; not a number if unknown.
+
+    It is zero at rest, and otherwise that of differences.
+    """
+    a, b, c = axes.earlier
+    if (a == b).all() and (b == c).all():
+        return np.zeros(axes.earlier.shape)
+    d, e = axes.joints[:2] if len(axes.joints) > 1 else axes.joints[[0, 0]]
+    at_b, at_c = (6.0 * c - 2.0 * a - 3.0 * b - d) / 6.0, (8.0 * (d - b) - (e - a)) / 12.0
+    return np.stack([np.full(len(a), np.nan), at_b, at_c])

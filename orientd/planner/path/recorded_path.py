@@ -19,7 +19,6 @@ from orientd.planner.recorded import (
     joints_of,
     rates_of,
     states_at,
-    states_between,
 )
 from orientd.planner.state import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
@@ -135,16 +134,6 @@ class RecordedPath:
         """Return the axis angles of the three records before one, oldest first."""
         joints = np.concatenate([self.earlier, self.joints])
         return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
-
-    def between_records(self, parts: int) -> Floats:
-        """Return the orientations at *parts* places per period, shape ``(m, 4)``."""
-        rows = self.table[:, :10]
-        found: Floats = np.empty(((len(rows) - 1) * parts + 1, 4))
-        found[::parts] = rows[:, :4]
-        for part in range(1, parts):
-            shares = np.full(len(rows) - 1, part / parts)
-            found[part::parts] = states_between(rows[:-1], rows[1:], self.period, shares)[:, :4]
-        return found
 
     def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; it is constant beyond its ends.

@@ -9,9 +9,7 @@ import numpy as np
 from orientd import kernels
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
-from orientd.kernels import turn_sizes
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, states_between
-from orientd.planner.certify.brake import brake_rate
 from orientd.rotation import exp, multiply
 
 LIMITS = Limits(2.0, 8.0, 200.0, 1.0, 10.0)
@@ -37,8 +35,6 @@ def make_calls():
     start = State.at_rest(keyframes(2)[0])
     rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
-    turn_sizes(rows[:, :4].copy(), 2, 2, 4, np.empty((3, 4)))
-    brake_rate(rows[:, 4:7], rows[:, 7:10], np.full(9, 2.0), 8.0, 200.0)
     many = [Keyframe(tuple(q.tolist())) for q in keyframes(6)]
     timed = [Keyframe(one.q, 2.0 * k) for k, one in enumerate(many)]
     moving_ends = {"start_velocity": (0.3, 0.0, 0.1), "end_velocity": (0.0, 0.2, 0.0)}

@@ -10,8 +10,9 @@ from orientd.driver import AxisLimits, Driver
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError, StartError
 from orientd.mechanism import Gimbal, Mechanism, Reserve
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
-from orientd.planner.certify.joints import joint_brake
+from orientd.planner.certify.measuring import STATE, AxisRecords, measure
 from orientd.rotation import exp, multiply
+from orientd.tolerances import GUARD_TOLERANCE
 
 PERIOD = 0.004
 LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
@@ -128,11 +129,19 @@ def test_a_stop_counts_the_axes():
     motion = planned(Wrist(acceleration=14.0), (0.5, 0.2, 0.9))
     path = motion.path
     tight, free = (
-        joint_brake(path.joints, path.joint_rates, path.earlier, motion.period, Wrist(**one).axes)
+        measure(
+            np.ascontiguousarray(path.table[:, :STATE]),
+            motion.record_count,
+            motion.period,
+            Limits.partial(),
+            before=None,
+            tolerance=GUARD_TOLERANCE,
+            axes=AxisRecords(path.joints, path.joint_rates, path.earlier, Wrist(**one).axes),
+        ).brake_rate
         for one in ({"acceleration": 14.0}, {"acceleration": 1000.0})
     )
-    assert 0.0 < tight.rate < free.rate
-    assert motion.certificate.brake_rate <= tight.rate
+    assert 0.0 < tight < free
+    assert motion.certificate.brake_rate <= tight
 
 
 def test_an_axis_at_the_end_of_its_range_is_named():

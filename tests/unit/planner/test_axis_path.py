@@ -11,8 +11,6 @@ from orientd.errors import LimitError, OrientdError
 from orientd.mechanism.figure import Figure
 from orientd.mechanism.joint_path import JointPath
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.certify.joints import joint_brake
-from orientd.planner.recorded import joint_rates
 from orientd.rotation import angle, exp, multiply
 
 PERIOD = 0.01
@@ -117,12 +115,10 @@ def test_brake_rate_counts_the_joints(motion):
     turns = shape_of(motion, joints=joint)
     free = reshaped(motion, turns)
     assert free.certificate.brake_rate == motion.certificate.brake_rate
-    earlier, limits = np.zeros((3, 1)), limits_of(2.0 * speed, 1.25 * bend)
-    rates = joint_rates(joint[:, None], earlier, PERIOD)
-    alone = joint_brake(joint[:, None], rates, earlier, PERIOD, limits)
     # With none of the acceleration used it would be 1 / (2 speed); where 0.8 is used, less.
     most = 0.5 * 1.25 * bend / speed
-    assert 0.6 * most < alone.rate < 1.02 * most
+    some = reshaped(motion, turns, limits_of(2.0 * speed, 1.25 * bend)).certificate
+    assert 0.6 * most < some.brake_rate < 1.02 * most
     # Hardly anything left to brake with: slower than the tool.
     tight = reshaped(motion, turns, limits_of(9.0, 1.0004 * bend)).certificate
     assert tight.brake_rate < 0.6 * free.certificate.brake_rate
