@@ -27,12 +27,10 @@ from orientd.mechanism.branches import Bools, Choice, candidates, choose, contin
 from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import (
-    AxisPeak,
     Bounds,
     JointPath,
     ToolLimits,
     axis_peaks,
-    certified,
     losses_of,
     out_of_range,
     planned,
@@ -57,14 +55,12 @@ class Route:
 
     Attributes:
         path: the joints.
-        peaks: largest rates of the axes.
         passages: passages near the pole.
         slews: stops of the path.
         error: largest angle between requested and planned path outside slews, rad, and its time.
     """
 
     path: JointPath
-    peaks: tuple[AxisPeak, ...]
     passages: tuple[Passage, ...] = ()
     slews: tuple[Slew, ...] = ()
     error: tuple[float, float] = (0.0, 0.0)
@@ -108,8 +104,7 @@ def plan_axes(
     _refuse(choice, gimbal, q, period, past)
     is_moving = len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL)
     line = with_stops(gimbal, choice.joints, choice.slews, bounds, ramp=ramp, is_moving=is_moving)
-    peaks = tuple(axis_peaks(line.joints, period, gimbal.axes, past))
-    refuse_rates(peaks, _ADVICE)
+    refuse_rates(axis_peaks(line.joints, period, gimbal.axes, past), _ADVICE)
     reached = orientations(gimbal, line.joints)
     made = orientations(gimbal, choice.joints) if line.slews else reached
     missed = pointing_error(gimbal, made, q)
@@ -121,7 +116,7 @@ def plan_axes(
     slews = tuple(
         replace(slew, error=float(np.max(off[_samples(slew, period)]))) for slew in line.slews
     )
-    return Route(path, peaks, choice.passages, slews, error)
+    return Route(path, choice.passages, slews, error)
 
 
 def _choose(
@@ -286,7 +281,7 @@ def certify(gimbal: Gimbal, route: Route, asked: Floats) -> JointPath:
     figures.append(manipulability(gimbal, path.joints))
     if gimbal.is_fitting:
         figures.append(_roll(gimbal, path, asked))
-    return certified(path, route.peaks, figures, _deviations(route))
+    return replace(path, figures=tuple(figures), notes=tuple(_deviations(route)))
 
 
 def manipulability(gimbal: Gimbal, joints: Floats) -> Figure:

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from math import degrees
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -44,8 +43,8 @@ class JointPath:
         joints: angles of the axes, rad, unwrapped, shape ``(n, axes)``.
         q: tool orientation for these angles, shape ``(n, 4)``.
         path_times: time of each sample on the requested path, s, never decreasing, shape ``(n,)``.
-        figures: certified numbers.
-        notes: remarks, one line each.
+        figures: numbers about the way that the axes take.
+        notes: remarks on it, one line each.
         losses: when the axes of a gimbal do not point along the path.
     """
 
@@ -205,7 +204,7 @@ def planned(axes: Iterable[AxisLimits], period: float) -> list[AxisLimits]:
     ]
 
 
-def refuse_rates(peaks: Sequence[AxisPeak], advice: str) -> None:
+def refuse_rates(peaks: Iterable[AxisPeak], advice: str) -> None:
     """Raise :class:`.LimitError` for the first axis that exceeds a limit of its rates."""
     for kind, axis, value, limit, time in peaks:
         if value > limit * _SLACK:
@@ -227,43 +226,3 @@ def out_of_range(axis: AxisLimits, value: float, time: float, advice: str) -> Li
     bound = axis.high if abs(value - axis.high) < abs(value - axis.low) else axis.low
     quantity = f"angle of {axis.name}"
     return LimitError(quantity, value, bound, time, "rad", advice, kind=LimitKind.RANGE)
-
-
-def certified(
-    path: JointPath,
-    peaks: Sequence[AxisPeak],
-    figures: Sequence[Figure] = (),
-    notes: Sequence[str] = (),
-) -> JointPath:
-    """Return *path* with figures and notes about its axes.
-
-    Args:
-        path: of the axes.
-        peaks: as from :func:`axis_peaks`.
-        figures: further figures.
-        notes: further notes.
-    """
-    every, words = list[Figure](), list[str]()
-    low, high = path.joints.min(axis=0).tolist(), path.joints.max(axis=0).tolist()
-    for place, axis in enumerate(dict.fromkeys(peak.axis for peak in peaks)):
-        own = [peak for peak in peaks if peak.axis == axis]
-        every += [
-            Figure(f"{kind.value} of {axis.name}", value, UNITS[kind], limit, time)
-            for kind, _, value, limit, time in own
-        ]
-        every += [
-            Figure(f"least angle of {axis.name}", low[place], "rad", axis.low),
-            Figure(f"largest angle of {axis.name}", high[place], "rad", axis.high),
-        ]
-        speed, force, *_ = own
-        words.append(
-            f"{axis.name}: {_tenths(low[place])} to {_tenths(high[place])} deg, at most "
-            f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
-            f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
-        )
-    return replace(path, figures=(*every, *figures), notes=(*words, *notes))
-
-
-def _tenths(angle: float) -> str:
-    """Return an angle in degrees with one decimal, and without a negative zero."""
-    return f"{round(degrees(angle), 1) + 0.0:.1f}"

@@ -23,7 +23,6 @@ from orientd.mechanism.joint_path import (
     JointPath,
     ToolLimits,
     axis_peaks,
-    certified,
     planned,
     refuse_range,
     refuse_rates,
@@ -187,10 +186,9 @@ def _followed(
     axes = mechanism.axes
     joints = joints_along(mechanism, period, q, position, near)
     check_way(mechanism, joints, period)
-    peaks = list(axis_peaks(joints, period, axes, past))
-    refuse_rates(peaks, _TIME_ADVICE)
+    refuse_rates(axis_peaks(joints, period, axes, past), _TIME_ADVICE)
     times = period * np.arange(len(joints), dtype=np.float64)
-    return certified(JointPath(period, joints, q, times), peaks)
+    return JointPath(period, joints, q, times)
 
 
 def check_way(

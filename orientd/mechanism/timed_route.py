@@ -26,7 +26,6 @@ from orientd.mechanism.joint_path import (
     Bounds,
     JointPath,
     axis_peaks,
-    certified,
     excess_of,
     losses_of,
     refuse_rates,
@@ -124,18 +123,16 @@ def timed_route(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> tuple[JointP
     off = np.where(path.counts, error_along(gimbal, path.q, reached[followed]), 0.0)
     losses = losses_of(np.concatenate([np.zeros(lead), off]), period, gimbal.on_target)
     before = path.past if len(path.past) else np.repeat(joints[:1], 3, axis=0)
-    peaks = tuple(axis_peaks(joints, period, axes, before))
-    refuse_rates(peaks, _ADVICE)
+    refuse_rates(axis_peaks(joints, period, axes, before), _ADVICE)
     held = np.where(off > gimbal.on_target, 0.0, off)
     at = int(np.argmax(held))
-    figures = [
+    figures = (
         Figure("pointing error", float(held[at]), "rad", gimbal.on_target, (lead + at) * period),
         Figure("time off target", sum(one.end - one.start for one in losses), "s"),
         manipulability(gimbal, joints),
-    ]
+    )
     notes = ("the axes slew around keep-out cones",) if is_led else ()
-    found = JointPath(period, joints, reached, times, losses=losses)
-    return certified(found, peaks, figures, notes), lead
+    return JointPath(period, joints, reached, times, figures, notes, losses), lead
 
 
 def timed_joints(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> Timed:

@@ -21,8 +21,6 @@ from orientd.mechanism.joint_path import (
     Bounds,
     JointPath,
     ToolLimits,
-    axis_peaks,
-    certified,
     planned,
 )
 from orientd.mechanism.mechanism import inside
@@ -231,12 +229,11 @@ def together(
     begin = np.array(joints)
     bounds = Bounds(period, planned(gimbal.axes, period), tool)
     turned = straight(gimbal, begin, np.array(end), bounds, least=least)
-    peaks = list(axis_peaks(turned, period, gimbal.axes, turned[[0, 0, 0]]))
-    figures = [
+    figures = (
         Figure("pointing error", 0.0, "rad", gimbal.max_deviation, 0.0),
         manipulability(gimbal, turned),
-    ]
+    )
     goal = ", ".join(f"{degrees(angle):.1f}" for angle in end)
     times = period * np.arange(len(turned), dtype=np.float64)
-    path = JointPath(period, turned, orientations(gimbal, turned), times)
-    return certified(path, peaks, figures, [f"all axes turn together to {goal} deg"])
+    notes = (f"all axes turn together to {goal} deg",)
+    return JointPath(period, turned, orientations(gimbal, turned), times, figures, notes)

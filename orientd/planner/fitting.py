@@ -34,7 +34,7 @@ from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
 from orientd.planner.certify.measuring import STATE, AxisRecords, measure
-from orientd.planner.certify.summary import before, summed_up
+from orientd.planner.certify.summary import before, summed_up, summed_up_axes
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.planner.planning import plan
@@ -578,6 +578,7 @@ def reshaped(
     refusal.check_stop(peaks, place, motion.limits)
     ends = float(begin), float(end)
     certificate = summed_up(request, path, ends, times, peaks, period)
+    figures, notes = summed_up_axes(joints, peaks.axes)
     return replace(
         motion,
         path=path,
@@ -587,9 +588,9 @@ def reshaped(
         record_count=len(path_times),
         certificate=replace(
             certificate,
-            figures=(*certificate.figures, *shape.figures),
+            figures=(*certificate.figures, *figures, *shape.figures),
             losses=shape.losses,
-            notes=(*motion.certificate.notes, *shape.notes),
+            notes=(*motion.certificate.notes, *notes, *shape.notes),
         ),
         first_joints=tuple(joints[0].tolist()),
         last_joints=tuple(joints[-1].tolist()),

@@ -247,10 +247,10 @@ def check_limits(peaks: Peaks, place: Place) -> None:
 
 def _check_axes(peaks: Peaks) -> None:
     """Raise :class:`.LimitError` for the first axis of the device that breaks a limit."""
-    for axis, kind, peak in peaks.axes:
-        if not peak.ratio <= GUARD_TOLERANCE:
+    for kind, axis, value, limit, time in peaks.axes:
+        if not value <= limit * GUARD_TOLERANCE:
             raise LimitError(
-                f"{kind.value} of {axis.name}", peak.value, peak.limit, peak.time,
+                f"{kind.value} of {axis.name}", value, limit, time,
                 UNITS[kind.value], "between two records; allow it more time", kind=kind,
             )  # fmt: skip
 

@@ -42,6 +42,7 @@ import numpy as np
 from orientd import kernels
 from orientd.driver import AxisLimits
 from orientd.errors import LimitKind
+from orientd.mechanism.joint_path import AxisPeak
 from orientd.model.limits import ANGULAR, Limits
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, law
 from orientd.planner.certify.certificate import Peak
@@ -73,20 +74,6 @@ class AxisRecords(NamedTuple):
     rates: Floats
     earlier: Floats
     limits: Sequence[AxisLimits]
-
-
-class AxisPeak(NamedTuple):
-    """A bound of a rate of an axis.
-
-    Attributes:
-        axis: the axis.
-        kind: velocity, acceleration or jerk.
-        peak: its bound, with the limit, rad and s.
-    """
-
-    axis: AxisLimits
-    kind: LimitKind
-    peak: Peak
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,7 +341,8 @@ def _axis_peaks(how: _Measure, axes: AxisRecords) -> Iterator[AxisPeak]:
         for column, axis in enumerate(of, 1):
             for order, kind in enumerate(_KINDS[:orders]):
                 if kind is not LimitKind.JERK or math.isfinite(axis.jerk):
-                    yield AxisPeak(axis, kind, peaks[order, column])
+                    peak = peaks[order, column]
+                    yield AxisPeak(kind, axis, peak.value, peak.limit, peak.time)
 
 
 def _rates_before(axes: AxisRecords) -> Floats:

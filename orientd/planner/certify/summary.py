@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from math import degrees
 
 import numpy as np
 
 from orientd.curves.contract import METHODS
 from orientd.mechanism.figure import Figure
+from orientd.mechanism.joint_path import AxisPeak
 from orientd.model.limits import ANGULAR, AXES, UNITS
 from orientd.model.request import MotionRequest
 from orientd.planner.certify.certificate import Certificate, Peak
@@ -85,6 +87,41 @@ def _axis_figures(peaks: Peaks) -> Iterator[Figure]:
             if math.isfinite(peak.limit):
                 words = f"angular {name} about {axis}"
                 yield Figure(words, peak.value, UNITS[name], peak.limit, peak.time)
+
+
+def summed_up_axes(
+    joints: Floats, peaks: Sequence[AxisPeak]
+) -> tuple[tuple[Figure, ...], tuple[str, ...]]:
+    """Return figures and notes about the axes of a device on a path.
+
+    Args:
+        joints: their angles at the records, rad, shape ``(n, axes)``.
+        peaks: their proven peaks.
+    """
+    figures, notes = list[Figure](), list[str]()
+    low, high = joints.min(axis=0).tolist(), joints.max(axis=0).tolist()
+    for place, axis in enumerate(dict.fromkeys(peak.axis for peak in peaks)):
+        own = [peak for peak in peaks if peak.axis == axis]
+        figures += [
+            Figure(f"{kind.value} of {axis.name}", value, UNITS[kind.value], limit, time)
+            for kind, _, value, limit, time in own
+        ]
+        figures += [
+            Figure(f"least angle of {axis.name}", low[place], "rad", axis.low),
+            Figure(f"largest angle of {axis.name}", high[place], "rad", axis.high),
+        ]
+        speed, force, *_ = own
+        notes.append(
+            f"{axis.name}: {_tenths(low[place])} to {_tenths(high[place])} deg, at most "
+            f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
+            f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
+        )
+    return tuple(figures), tuple(notes)
+
+
+def _tenths(angle: float) -> str:
+    """Return an angle in degrees with one decimal, and without a negative zero."""
+    return f"{round(degrees(angle), 1) + 0.0:.1f}"
 
 
 def before(start: State, period: float) -> tuple[Floats, Floats]:

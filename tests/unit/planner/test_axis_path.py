@@ -1,6 +1,7 @@
 """A motion on the path that the axes of its device follow."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def test_same_path_as_a_table_is_the_same_motion(motion):
     assert table.keyframe_times == pytest.approx(motion.keyframe_times, abs=0)
     assert table.certificate.keyframe_error < 1e-4
     assert table.certificate.start_velocity_error < 1e-9
-    assert (table.certificate.figures, table.certificate.notes) == ((figure,), ("as asked",))
+    assert (table.certificate.figures[-1], table.certificate.notes[-1]) == (figure, "as asked")
     assert (table.first_joints, table.last_joints) == ((0.0,), (1.0,))
 
 
@@ -123,6 +124,24 @@ def test_brake_rate_counts_the_joints(motion):
     tight = reshaped(motion, turns, limits_of(9.0, 1.0004 * bend)).certificate
     assert tight.brake_rate < 0.6 * free.certificate.brake_rate
     assert tight.stop_time == min(1.0 / tight.brake_rate, tight.duration)
+
+
+def test_a_certificate_has_the_proven_peaks_of_the_axes_and_their_ways(motion):
+    s = np.linspace(0.0, 1.0, motion.record_count)
+    joint = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    shape = shape_of(motion, joints=joint)
+    certificate = reshaped(motion, shape, limits_of(9.0, 900.0, 9e4)).certificate
+    for order, (kind, limit) in enumerate(
+        (("velocity", 9.0), ("acceleration", 900.0), ("jerk", 9e4)), 1
+    ):
+        figure = next(one for one in certificate.figures if one.name == f"{kind} of yaw")
+        found = float(np.abs(np.diff(joint, order)).max()) / PERIOD**order
+        assert found <= figure.value <= 1.005 * found
+        assert figure.limit == limit
+    (least,) = (one for one in certificate.figures if one.name == "least angle of yaw")
+    assert least.value == 0.0
+    (words,) = certificate.notes
+    assert re.fullmatch(r"yaw: 0\.0 to 57\.3 deg, at most [\d.]+ deg/s at [\d.]+ s .*", words)
 
 
 def test_joint_beyond_a_limit_between_two_records_is_refused(motion):
