@@ -31,25 +31,49 @@ INLINE double root(double rest, double half, double leading) {
     return divisor > 0.0 ? rest / divisor : INFINITY;
 }
 
+/* The acceleration that is seen at a node of the law, and what its product with the velocity can be. */
+typedef struct { double sigma, g, seen, along; } node_t;
+
+INLINE node_t node_at(points_t at, index_t i, brake_law_t law, index_t k) {
+    double sigma = law.nodes.v[k], square = sigma * sigma;
+    double own = smaller(at.bend[i], at.full[i] + (1.0 - sigma) * at.slope[i]);
+    double seen = smaller(at.size[i], square * own);
+    return (node_t){sigma, law.nodes.v[law.nodes.m + k], seen,
+                    smaller(square * at.along[i], seen * at.speed[i])};
+}
+
+/* Return whether a rate is safe at a point. */
+static bool allows(points_t at, index_t i, double most, double most_jerk, brake_law_t law, double rate) {
+    double speed = at.speed[i], jerk = at.jerk[i], x = rate / law.margin, turn = x * speed;
+    index_t broken = !(at.size[i] <= most) | !(jerk <= most_jerk);
+    INDEPENDENT
+    for (index_t k = 0; k < law.nodes.m; k++) {
+        node_t node = node_at(at, i, law, k);
+        double change = node.g * turn, bend = node.sigma > 0.0 ? node.seen / node.sigma : 0.0;
+        double square = node.seen * node.seen + 2.0 * x * node.g * node.along + change * change;
+        double twist = node.sigma * node.sigma * jerk + 3.0 * x * node.g * bend + 4.0 * x * turn;
+        broken += (square > most * most) | (twist > most_jerk);
+    }
+    return !broken;
+}
+
 /* Return the largest safe rate of a point. */
 static double safe_rate(points_t at, index_t i, double most, double most_jerk, brake_law_t law) {
-    double speed = at.speed[i], size = at.size[i], along = at.along[i], jerk = at.jerk[i];
-    if (size > most || jerk > most_jerk)
+    double speed = at.speed[i], jerk = at.jerk[i];
+    if (at.size[i] > most || jerk > most_jerk)
         return 0.0;
     double rate = law.fastest / law.margin;
-    const double *sigmas = law.nodes.v, *gs = law.nodes.v + law.nodes.m;
     for (index_t k = 0; k < law.nodes.m; k++) {
-        double sigma = sigmas[k], g = gs[k], square = sigma * sigma;
-        double own = smaller(at.bend[i], at.full[i] + (1.0 - sigma) * at.slope[i]);
-        double seen = smaller(size, square * own);
+        node_t node = node_at(at, i, law, k);
         if (most < INFINITY) {
-            double turn = g * speed;
-            rate = smaller(rate, root(most * most - seen * seen,
-                                      g * smaller(square * along, seen * speed), turn * turn));
+            double turn = node.g * speed;
+            rate = smaller(rate, root(most * most - node.seen * node.seen, node.g * node.along,
+                                      turn * turn));
         }
         if (most_jerk < INFINITY) {
-            double bend = sigma > 0.0 ? seen / sigma : 0.0;
-            rate = smaller(rate, root(most_jerk - square * jerk, 1.5 * g * bend, 4.0 * speed));
+            double bend = node.sigma > 0.0 ? node.seen / node.sigma : 0.0;
+            rate = smaller(rate, root(most_jerk - node.sigma * node.sigma * jerk,
+                                      1.5 * node.g * bend, 4.0 * speed));
         }
     }
     return law.margin * rate;
@@ -208,6 +232,8 @@ static void brake_column(const braking_t *b, points_t at, brake_law_t law, index
         if (!is_at_risk(at, i, found->rate, b->most_jerk, law.most_change))
             continue;
         look_at(b, i, at);
+        if (turn >= 0 && allows(at, i, b->most, b->most_jerk, law, found->rate))
+            continue;
         double rate = safe_rate(at, i, b->most, b->most_jerk, law);
         if (rate < found->rate)
             found->rate = rate, found->rate_place = (double)(first + HISTORY + i);

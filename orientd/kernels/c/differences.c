@@ -285,7 +285,7 @@ static void note_found(sight_t *sight, index_t first, index_t order, int column,
     }
 }
 
-double crude_bound(const sight_t *sight, index_t order, int column) {
+INLINE double crude_bound_of(const sight_t *sight, index_t order, int column) {
     const segments_t *segments = &sight->segments;
     double largest = 0.0;
     lane_t bounds;
@@ -300,6 +300,15 @@ double crude_bound(const sight_t *sight, index_t order, int column) {
         if (!(bounds[i] <= largest) && largest == largest)
             largest = bounds[i];
     return largest;
+}
+
+double crude_bound(const sight_t *sight, index_t order, int column) {
+    switch (4 * order + column) {
+    case 4: return crude_bound_of(sight, 1, 0);
+    case 8: return crude_bound_of(sight, 2, 0);
+    case 12: return crude_bound_of(sight, 3, 0);
+    default: return crude_bound_of(sight, order, column);
+    }
 }
 
 void prove(const block_t *block, index_t past, index_t order, int column, sight_t *sight,
