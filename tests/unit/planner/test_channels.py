@@ -80,7 +80,7 @@ def test_no_axis_is_above_its_certificate_at_any_phase_and_rate(rough):
         assert [(one.axis.name, one.kind) for one in peaks] == [
             (f"axis {k}", kind) for k in range(5) for kind in KINDS
         ]
-        bounds = np.array([one.peak.value for one in peaks]).reshape(5, 3).T
+        bounds = np.array([one.value for one in peaks]).reshape(5, 3).T
         size = -(-CASES // paths)
         places = random.uniform(0.0, len(values) + 2.0, size)
         rates = 1.0 - random.uniform(size=size) ** 3 * (random.uniform(size=size) < 0.7)
@@ -95,7 +95,7 @@ def test_a_certificate_of_axes_is_hardly_above_what_is_reached(rough):
         period = PERIODS[seed % 2]
         values, speeds = walk(seed, 4, period, rough=rough)
         peaks = certified(values, speeds, period, axes_like(4)).axes
-        bounds = np.array([one.peak.value for one in peaks]).reshape(4, 3).T
+        bounds = np.array([one.value for one in peaks]).reshape(4, 3).T
         places = np.linspace(0.0, len(values) + 2.0, 32 * (len(values) + 2) + 1)
         best = np.zeros((3, 4))
         for rate in np.linspace(1.0, 0.4, 13 if rough else 1):
@@ -132,7 +132,7 @@ def test_axes_keep_their_acceleration_at_every_rate_and_change_of_it(rough):
         period = PERIODS[seed % 2]
         values, speeds = walk(seed, 3, period, rough=rough)
         free = certified(values, speeds, period, axes_like(3)).axes
-        most = [1.1 * one.peak.value for one in free if one.kind is LimitKind.ACCELERATION]
+        most = [1.1 * one.value for one in free if one.kind is LimitKind.ACCELERATION]
         axes = [AxisLimits(f"axis {k}", -1e9, 1e9, 1e300, bend) for k, bend in enumerate(most)]
         brake = certified(values, speeds, period, axes).brake_rate
         assert brake > 0.0
