@@ -32,9 +32,8 @@ from orientd.mechanism.routing import joints_along, route, route_at_times
 from orientd.mechanism.turning import together
 from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
-from orientd.planner import refusal
-from orientd.planner.certify.measuring import STATE, AxisRecords, measure
-from orientd.planner.certify.summary import before, summed_up, summed_up_axes
+from orientd.planner.certify.measuring import AxisRecords
+from orientd.planner.job import certificate_of
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.planner.planning import plan
@@ -42,7 +41,6 @@ from orientd.planner.refusal import check_total
 from orientd.planner.state import State
 from orientd.planner.timing.axes import Axes
 from orientd.rotation import Floats, angle
-from orientd.tolerances import GUARD_TOLERANCE
 
 _POWERS = {
     LimitKind.VELOCITY: 1,
@@ -560,37 +558,23 @@ def reshaped(
         found = np.searchsorted(path_times, times - _SAME_TIME)
         return np.minimum(found, len(path_times) - 1) * period
 
-    begin, end, *keyframes = moved(
-        np.array([motion.start_time, motion.end_time, *motion.keyframe_times])
+    times = moved(motion.keyframe_times)
+    records = AxisRecords(joints, path.joint_rates, path.earlier, axes)
+    certificate = certificate_of(
+        path, len(path_times), times, request, start, motion.limits, period, records
     )
-    peaks = measure(
-        np.ascontiguousarray(path.table[:, :STATE]),
-        len(path_times),
-        period,
-        motion.limits,
-        before=before(start, period),
-        tolerance=GUARD_TOLERANCE,
-        axes=AxisRecords(joints, path.joint_rates, path.earlier, axes),
-    )
-    times = np.array(keyframes)
-    place = refusal.Place(request, float(begin), float(end), times)
-    refusal.check_limits(peaks, place)
-    refusal.check_stop(peaks, place, motion.limits)
-    ends = float(begin), float(end)
-    certificate = summed_up(request, path, ends, times, peaks, period)
-    figures, notes = summed_up_axes(joints, peaks.axes)
     return replace(
         motion,
         path=path,
-        start_time=float(begin),
-        end_time=float(end),
+        start_time=float(times[0]),
+        end_time=float(times[-1]),
         keyframe_times=times,
         record_count=len(path_times),
         certificate=replace(
             certificate,
-            figures=(*certificate.figures, *figures, *shape.figures),
+            figures=(*certificate.figures, *shape.figures),
             losses=shape.losses,
-            notes=(*motion.certificate.notes, *notes, *shape.notes),
+            notes=(*motion.certificate.notes, *certificate.notes, *shape.notes),
         ),
         first_joints=tuple(joints[0].tolist()),
         last_joints=tuple(joints[-1].tolist()),

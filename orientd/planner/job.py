@@ -15,8 +15,9 @@ from orientd.errors import LimitError, PlanError, StartError
 from orientd.model.limits import LONGEST, UNITS, Limits, is_still
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
-from orientd.planner.certify.measuring import measure
-from orientd.planner.certify.summary import before, summed_up
+from orientd.planner.certify.certificate import Certificate
+from orientd.planner.certify.measuring import STATE, AxisRecords, measure
+from orientd.planner.certify.summary import before, summed_up, summed_up_axes
 from orientd.planner.connect.leads import (
     MOST_SHARE,
     SAME_PLACE,
@@ -30,7 +31,13 @@ from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PositionPath, end_states, position_path
+from orientd.planner.path import (
+    Path,
+    PositionPath,
+    RecordedPath,
+    end_states,
+    position_path,
+)
 from orientd.planner.resolve import half_turn_notes
 from orientd.planner.state import State
 from orientd.planner.timing.axes import NO_AXES, Axes, AxisPath
@@ -501,19 +508,6 @@ def certified(
     path = Path.joined([whole.trajectory], whole.positions, start.q)
     count = math.ceil(path.duration / period - _END_SLACK) + 1
     begin, end = whole.times[[0, -1]].tolist()
-    # Between the records any motion may use the full limits, and one with times of the user on them
-    # too.  Braking there can only use the guard's tolerance.
-    peaks = measure(
-        path,
-        count,
-        period,
-        limits,
-        before=before(start, period) if start.is_known else None,
-        tolerance=GUARD_TOLERANCE,
-    )
-    place = refusal.Place(request, begin, end, whole.times)
-    refusal.check_limits(peaks, place)
-    refusal.check_stop(peaks, place, limits)
     return Motion(
         id=motion_id,
         request=request,
@@ -524,6 +518,53 @@ def certified(
         end_time=end,
         keyframe_times=whole.times,
         record_count=count,
-        certificate=summed_up(request, path, (begin, end), whole.times, peaks, period),
+        certificate=certificate_of(path, count, whole.times, request, start, limits, period),
         before=start.before,
     )
+
+
+def certificate_of(
+    path: Path | RecordedPath,
+    count: int,
+    times: Floats,
+    request: MotionRequest,
+    start: State,
+    limits: Limits,
+    period: float,
+    axes: AxisRecords | None = None,
+) -> Certificate:
+    """Return the certificate of a path, of the tool and of the axes of a device.
+
+    Args:
+        path: from start to finish, at rest.
+        count: number of its records.
+        times: path times of the keyframes, s.
+        request: the request of the path.
+        start: where it begins.
+        limits: of the tool.
+        period: of the device, s.
+        axes: of the device, at the records.
+
+    Raises:
+        LimitError: the path breaks a limit.
+    """
+    # Between the records any motion may use the full limits, and one with times of the user on them
+    # too.  Braking there can only use the guard's tolerance.
+    peaks = measure(
+        path if isinstance(path, Path) else np.ascontiguousarray(path.table[:, :STATE]),
+        count,
+        period,
+        limits,
+        before=before(start, period) if start.is_known else None,
+        tolerance=GUARD_TOLERANCE,
+        axes=axes,
+    )
+    begin, end = times[[0, -1]].tolist()
+    place = refusal.Place(request, begin, end, times)
+    refusal.check_limits(peaks, place)
+    refusal.check_stop(peaks, place, limits)
+    found = summed_up(request, path, (begin, end), times, peaks, period)
+    if axes is None:
+        return found
+    figures, notes = summed_up_axes(axes.joints, peaks.axes)
+    return replace(found, figures=(*found.figures, *figures), notes=(*found.notes, *notes))
