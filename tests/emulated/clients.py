@@ -71,7 +71,9 @@ class Client:
         return daemon.call(what(daemon.service))
 
     def ask(self, method, request):
-        return self.wait_for(lambda service: getattr(service, method)(request, self.caller))
+        answer = self.wait_for(lambda service: getattr(service, method)(request, self.caller))
+        self.system.note(self.name, method, answer)
+        return answer
 
     def live(self):
         """Send one request after another, and now and then let another client continue."""
@@ -110,6 +112,7 @@ class Client:
         return None
 
     def refused(self, error):
+        self.system.note(self.name, repr(error))
         self.system.counts[f"refused: {type(error).__name__}"] += 1
 
     # Moving
@@ -156,6 +159,7 @@ class Client:
             async with contextlib.aclosing(service.Move(request, self.caller)) as stream:
                 async for answer in stream:
                     answers.append(answer)
+                    self.system.note(self.name, answer)
                     if answer.HasField("started") and answer.started.lease.token:
                         self.token = answer.started.lease.token
 
@@ -231,8 +235,8 @@ class Client:
 
         async def follow(service):
             async with contextlib.aclosing(service.Track(targets(), self.caller)) as reports:
-                async for _ in reports:
-                    pass
+                async for report in reports:
+                    self.system.note(self.name, report)
 
         self.wait_for(follow, patience=PATIENCE + 120.0)
 

@@ -17,19 +17,23 @@ class EmulatedDevice:
         fault: what is wrong at present: ``link``, ``stale``, ``fault``, ``write``, ``loss`` of half
             of the feedback, or ``reset``, once.
         delay_ns: of feedback on the link.
-        digest: of all setpoints, in order.
+
+    Args:
+        limits, period, violate: of the judge.
+        chance: decides which feedback is lost.
+        note: takes every setpoint.
     """
 
-    def __init__(self, limits, period, violate, chance):
-        self.judge, self.chance = Judge(limits, period, violate), chance
+    def __init__(self, limits, period, violate, chance, note):
+        self.judge, self.chance, self._note = Judge(limits, period, violate), chance, note
         self.q, self.position = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        self.fault, self.delay_ns, self.digest = "", 0, 0
+        self.fault, self.delay_ns = "", 0
 
     def follow(self, now_ns, q, position):
         """Be at a setpoint a period later."""
         self.judge.take(now_ns, q, position)
         self.q, self.position = q, position
-        self.digest = hash((self.digest, q, position))
+        self._note("setpoint", q, position)
 
 
 class EmulatedDriver(LoopbackDriver):

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import os
 from collections import Counter
 from dataclasses import replace
@@ -116,8 +117,9 @@ class Daemon:
         self.devices.close()
 
     def _hear(self, event, _device):
-        """Note failures that occur without a fault."""
+        """Note events, and failures that occur without a fault."""
         system = self.system
+        system.note("event", event.kind.value, event.text)
         if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED) and system.is_calm:
             system.tell(f"{event.kind.value}: {event.text}")
         if event.kind is EventKind.RECORDING_FAILED and not system.disk.fault:
@@ -134,6 +136,7 @@ class System:
     Attributes:
         problems: what must never happen, and did.
         counts: how often what happened.
+        history: digest of every setpoint, event and answer, each with its time.
     """
 
     def __init__(self, seed, name="slow"):
@@ -141,10 +144,11 @@ class System:
         self.scheduler = Scheduler(seed)
         self.random = self.scheduler.random
         self.problems = self.scheduler.problems
-        self.counts = Counter()
+        self.counts, self.history = Counter(), hashlib.sha256()
         arm = self.settings.devices["arm"]
         limits = limits_of(arm.limits.to_limits())
-        self.device = EmulatedDevice(limits, 1.0 / arm.rate_hz, self.tell, self.random)
+        period = 1.0 / arm.rate_hz
+        self.device = EmulatedDevice(limits, period, self.tell, self.random, self.note)
         self.disk = Disk(self.scheduler)
         self.lateness = 0.0
         self.trouble = ""
@@ -178,10 +182,14 @@ class System:
         self.scheduler.spawn(run, process.group, process.group)
         return process
 
+    def pid(self):
+        """Return the number of the present daemon, which no real process has."""
+        return 10_000_000 + self._daemon_count
+
     def parent_pid(self):
         """Return ``getppid`` of a servo: 1 after the end of its daemon."""
         daemon = self.parents[self.scheduler.current().group]
-        return os.getpid() if daemon is self.daemon else 1
+        return self.pid() if daemon is self.daemon else 1
 
     # What a test does
 
@@ -198,6 +206,10 @@ class System:
     def is_moving(self):
         """Whether the device moves."""
         return self.device.judge.is_moving(self.scheduler.now_ns)
+
+    def note(self, *happened):
+        """Add to the history."""
+        self.history.update(repr((self.scheduler.now_ns, *happened)).encode())
 
     def tell(self, problem):
         """Note a violation."""
@@ -236,6 +248,7 @@ def emulated(seed, name="slow"):
 
     replaced = [
         *of_servos(system, _Timer),
+        (os, "getpid", system.pid),
         (EmulatedDriver, "device", system.device),
         (_Timer, "system", system),
         (Path, "write_text", write_report),

@@ -1,5 +1,6 @@
 """The world of the tests: one seed decides everything, and a killed process is gone."""
 
+import gc
 import hashlib
 import os
 import shutil
@@ -11,7 +12,7 @@ import pytest
 from command_line import begin
 from harness import DaemonProcess, nudge, spin, until
 from processes import World
-from virtual_time import BEGIN_NS, Scheduler
+from virtual_time import BEGIN_NS, Scheduler, other_process, virtual_time
 from virtual_world import running
 
 from orientd.protocol import control_pb2 as pb
@@ -60,14 +61,38 @@ def run(world, work):
 
 
 def test_a_seed_repeats_to_the_bit_and_two_differ(tmp_path):
-    """The lives have one place, since commands print it."""
-    lives = []
-    for seed in ("a", "a", "b"):
-        lives.append(told(seed, tmp_path / "life"))
-        shutil.rmtree(tmp_path / "life")
-    first, again, other = lives
-    assert first == again
+    """The lives have one place, since commands print it, and one of them a process of its own."""
+    life = tmp_path / "life"
+    first = told("a", life)
+    shutil.rmtree(life)
+    other = told("b", life)
+    shutil.rmtree(life)
+    with other_process(told, "a", life, hashes=7, garbage=50) as process:
+        again = process.stdout.read()
+    assert again == f"{first}\n"
     assert first != other
+
+
+def test_garbage_is_collected_at_instants_of_virtual_time_only():
+    scheduler, collected_ns = Scheduler("a"), []
+
+    class Cycle:
+        def __init__(self):
+            self.itself = self
+
+        def __del__(self):
+            collected_ns.append(scheduler.now_ns - BEGIN_NS)
+
+    def live():
+        for _ in range(5):
+            for _ in range(10 * gc.get_threshold()[0]):
+                Cycle()
+            scheduler.sleep(5.0)
+
+    with virtual_time(scheduler):
+        scheduler.spawn(live, "live")
+        scheduler.run(BEGIN_NS + 60 * 10**9)
+    assert sorted(set(collected_ns)) == [10 * 10**9, 20 * 10**9, 60 * 10**9]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])

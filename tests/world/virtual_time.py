@@ -10,19 +10,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import heapq
 import itertools
 import logging
 import math
+import os
 import queue
 import random
+import secrets
 import selectors
 import signal
+import subprocess
 import sys
 import threading
 import time
 import traceback
 from collections import deque
+from pathlib import Path
 from unittest import mock
 
 from greenlet import getcurrent, greenlet
@@ -30,6 +35,9 @@ from greenlet import getcurrent, greenlet
 from orientd.clock import MonotonicClock
 
 BEGIN_NS = 10**12
+
+COLLECT_NS = 10 * 10**9
+"""Virtual time from one collection of garbage to the next."""
 
 
 class Task:
@@ -69,6 +77,7 @@ class Scheduler:
         own: of a group, exchanges what its process has for itself; called before and after its
             tasks run.
         numbers: of processes.
+        collected_ns: when garbage was collected last; ``None`` before the first task runs.
     """
 
     def __init__(self, seed):
@@ -79,6 +88,7 @@ class Scheduler:
         self.preemption = 0.0
         self.hub = getcurrent()
         self.own = {}
+        self.collected_ns = None
         self._due = []
         self._count, self.numbers = itertools.count(), itertools.count(1)
         self._of = {}
@@ -201,6 +211,7 @@ class Scheduler:
                 self._frozen[task.group].append(entry)
                 continue
             self.now_ns = max(self.now_ns, at_ns)
+            self._collect()
             task.turn += 1
             exchange = self.own.get(task.group, _nothing)
             exchange()
@@ -209,6 +220,11 @@ class Scheduler:
             if task.is_over:
                 self._of.pop(task.greenlet, None)
         self.now_ns = max(self.now_ns, until_ns)
+
+    def _collect(self):
+        if self.collected_ns is not None and self.now_ns - self.collected_ns >= COLLECT_NS:
+            self.collected_ns = self.now_ns
+            gc.collect()
 
 
 def _nothing():
@@ -355,8 +371,30 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
 
 @contextlib.contextmanager
+def _collecting(scheduler):
+    """Collect garbage at instants of virtual time only.
+
+    The interpreter collects it when enough objects have been made, and the seed does not say when
+    that is.  An unfinished generator that is collected wakes its event loop.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    if scheduler.collected_ns is None:
+        # A collection looks only at what the tasks make, so it is quick.
+        gc.unfreeze()
+        gc.freeze()
+        scheduler.collected_ns = scheduler.now_ns
+    try:
+        yield
+    finally:
+        gc.collect()
+        if was_enabled:
+            gc.enable()
+
+
+@contextlib.contextmanager
 def virtual_time(scheduler):
-    """Make every thread, lock and clock one of *scheduler*'s."""
+    """Make threads, locks, clocks and random bytes those of *scheduler*."""
 
     def monotonic():
         return scheduler.now_ns * 1e-9
@@ -389,12 +427,39 @@ def virtual_time(scheduler):
         (queue, "SimpleQueue", queue._PySimpleQueue),
         (asyncio.events, "new_event_loop", lambda: VirtualLoop(scheduler)),
         (logging, "logThreads", False),
+        (os, "urandom", scheduler.random.randbytes),
+        (secrets, "token_hex", lambda count: scheduler.random.randbytes(count).hex()),
         (VirtualThread, "scheduler", scheduler),
     ]
-    with contextlib.ExitStack() as stack:
+    with contextlib.ExitStack() as stack, _collecting(scheduler):
         for owner, name, value in replaced:
             stack.enter_context(mock.patch.object(owner, name, value))
         for module in ("journal", "flight_recorder"):
             of = f"orientd.daemon.observe.{module}.SimpleQueue"
             stack.enter_context(mock.patch(of, queue._PySimpleQueue))
         yield
+
+
+def other_process(function, *arguments, hashes, garbage):
+    """Start a process that prints what a function of the tests returns.
+
+    Args:
+        function: of a module in a folder of ``sys.path``.
+        arguments: of the function; their ``repr`` makes them again.
+        hashes: decides the order of sets, as ``PYTHONHASHSEED``.
+        garbage: how many new objects let the interpreter look for garbage.
+    """
+    name, module = function.__name__, Path(function.__code__.co_filename).stem
+    lines = (
+        f"import gc; gc.set_threshold({garbage})",
+        "from pathlib import PosixPath",
+        f"from {module} import {name}",
+        f"print({name}(*{arguments!r}))",
+    )
+    own = {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": str(hashes)}
+    return subprocess.Popen(
+        [sys.executable, "-c", "\n".join(lines)],
+        env={**os.environ, **own},
+        stdout=subprocess.PIPE,
+        text=True,
+    )

@@ -12,7 +12,6 @@ import functools
 import logging
 import os
 import resource
-import secrets
 import threading
 from unittest import mock
 
@@ -108,8 +107,6 @@ def running(world):
     replaced = [
         (harness, "MACHINE", machine),
         (os, "kill", machine.kill),
-        (os, "urandom", scheduler.random.randbytes),
-        (secrets, "token_hex", lambda count: scheduler.random.randbytes(count).hex()),
         (threading, "Timer", _ThreadTimer),
         (Way, "open", lambda way: Channel(world, way.socket)),
         (flight_recorder.FlightRecorder, "_made", written),

@@ -26,8 +26,11 @@ _BEHIND = 4096
 _TAIL = 16_384
 """Most records before the end of a motion at which the next motion may leave it."""
 
-More = Callable[[PlanInput, RecordFile, int], "Future[int]"]
-"""Has a planner add records to a file, from one on; returns the end.  From any thread."""
+More = Callable[[PlanInput, RecordFile, int, float], "Future[int]"]
+"""Has a planner add records to a file, from one on; returns the end.  From any thread.
+
+The last argument says for how long the records before that one last, s.
+"""
 
 
 class PlannedMotion:
@@ -193,7 +196,8 @@ class PlannedMotion:
         end = self.at_hand[1]
         is_last = not self._is_whole or end > self.last_record
         if self._coming is None and not is_last and first > end - CHUNK // 2:
-            self._coming = self._more(self.input, self._file, end)
+            lasts = (end - first) * self.facts.period
+            self._coming = self._more(self.input, self._file, end, lasts)
 
     def _forget(self, before: int) -> None:
         """Forget records that are far behind; the first chunk stays for another run."""

@@ -174,21 +174,29 @@ class Planners:
         """Return the records of a motion from one on to its end."""
         task = Task(motion.input, first, motion.facts.record_count - first)
         file = RecordFile()
-        planned = await self._records(task, file)
+        planned = await self._records(task, file, self.timeout)
         return file.read(first, planned.end - first)
 
-    def _more(self, plan_input: PlanInput, file: RecordFile, first: int) -> Future[int]:
-        """Add more records of a motion to its file, from any thread; return the end."""
+    def _more(
+        self, plan_input: PlanInput, file: RecordFile, first: int, lasts: float
+    ) -> Future[int]:
+        """Add more records of a motion to its file, from any thread; return the end.
+
+        A planner that does not know the motion plans it again.  On a busy machine that may take
+        longer than a request may, and the planner after a killed one would take as long.  So this
+        planner may use half of the time for which the records before *first* last.
+        """
+        timeout = max(self.timeout, 0.5 * lasts)
         if self._loop is None:
             raise DaemonError(GOING_DOWN)
 
         async def end() -> int:
-            return (await self._records(Task(plan_input, first), file)).end
+            return (await self._records(Task(plan_input, first), file, timeout)).end
 
         return asyncio.run_coroutine_threadsafe(end(), self._loop)
 
-    async def _records(self, task: Task, file: RecordFile) -> Planned:
-        call = PlanCall(task.input.motion, timeout=self.timeout)
+    async def _records(self, task: Task, file: RecordFile, timeout: float) -> Planned:
+        call = PlanCall(task.input.motion, timeout=timeout)
         planned, _ = await self._ask(task, file, call, Rank.URGENT)
         return planned
 

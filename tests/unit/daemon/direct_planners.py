@@ -29,7 +29,7 @@ class DirectPlanners:
         rest.set_result(self.worker.rest(task, planned, file))
         return PlannedMotion(planned, plan_input, file, more=self._more, rest=rest)
 
-    def _more(self, plan_input, file, first):
+    def _more(self, plan_input, file, first, _lasts):
         more = Future()
         more.set_result(self.worker.plan(Task(plan_input, first), file).end)
         return more

@@ -304,6 +304,27 @@ def test_a_motion_of_several_chunks_is_fed_to_its_end_and_again():
     assert fed(found.again()) == first
 
 
+def test_a_slow_planner_may_take_longer_than_a_request_over_the_next_chunk():
+    """There are records for a minute, and a planner after a killed one would be as slow."""
+    one, timeout = job(motion(0.5, duration=200.0)), 0.3
+
+    async def test(planners):
+        (pid,) = pids(planners)
+        found = await planners.plan(one, PlanCall(one.motion, timeout=60.0))
+        await found.arrive(CHUNK)
+        os.kill(pid, signal.SIGSTOP)
+        found.feed(CHUNK // 2 + 1, 512)  # asks for more
+        await asyncio.sleep(3.0 * timeout)
+        os.kill(pid, signal.SIGCONT)
+        ends = time.monotonic() + 60.0
+        while found.at_hand[1] == CHUNK and time.monotonic() < ends:
+            await asyncio.sleep(0.01)
+            found.feed(CHUNK // 2 + 1, 512)
+        assert (found.at_hand[1], pids(planners)) == (found.facts.record_count, [pid])
+
+    run(test, timeout=timeout)
+
+
 def test_a_planner_warms_up_for_a_device_that_avoids_the_sun(monkeypatch):
     sun = {"name": "sun", "sun": {"latitude": 48.0, "longitude": 11.0}, "half_angle_deg": 1.0}
     devices = {"devices": {"arm": {"driver": "loopback", "keep_out": [sun]}}}
