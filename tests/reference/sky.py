@@ -25,17 +25,11 @@ class Pass:
         times: whole seconds from its beginning, shape ``(n,)``.
         azimuth: degrees from north towards east, unwrapped.
         elevation: degrees.
-        satellite: its orbit, from the epoch on.
-        observer: latitude and longitude, degrees.
-        peak: minutes from the epoch to the highest point, to half a minute.
     """
 
     times: np.ndarray
     azimuth: np.ndarray
     elevation: np.ndarray
-    satellite: Satrec
-    observer: tuple[float, float]
-    peak: float
 
 
 def site(latitude, longitude):
@@ -118,5 +112,5 @@ def _pass(rng, kind):
         if is_meant and last - first > 200:
             turned = np.degrees(np.unwrap(np.radians(azimuth[part])))
             times = np.arange(last - first - 1.0)
-            return Pass(times, turned, height[part], satellite, observer, float(peak))
+            return Pass(times, turned, height[part])
     return None

@@ -271,6 +271,12 @@ def test_waiting_counts_as_a_drivers_time():
 
 # Bad drivers, each with the tests that it fails.
 
+
+def later(q):
+    """Return *q* turned a little."""
+    return multiply(q, exp((0.0, 0.0, 0.001)))
+
+
 READS = "test_reads_and_writes_do_not_wait"
 HEALTH = "test_it_says_how_its_parts_are"
 OFFERS = "test_it_offers_what_it_is_meant_to"
@@ -321,8 +327,23 @@ def raising(error):
 
 
 def reporting(**fields):
-    """Return a method that reports these fields of the feedback wrongly."""
-    return lambda driver: GoodDriver.report(driver)._replace(**fields)
+    """Return a method that reports these fields of the feedback wrongly, by value or function."""
+
+    def method(driver):
+        wrong = {name: one(driver) if callable(one) else one for name, one in fields.items()}
+        return GoodDriver.report(driver)._replace(**wrong)
+
+    return method
+
+
+def beginning_nowhere(*, if_asked):
+    """Return a method that says no start of an offline plan if the device is asked, or if not."""
+
+    def method(driver, *, from_device):
+        is_wrong = from_device is if_asked
+        return driver.report()._replace(q=(0.0,) * 4) if is_wrong else driver.report()
+
+    return method
 
 
 def health(ahead_ns=0, value=12.0):
@@ -348,10 +369,37 @@ WRONG = {
     "it shifts back too far": (SHIFTS, {"deadline_shift_ns": returning(-PERIOD_NS // 2 - 1)}),
     "its shift is no whole number": (SHIFTS, {"deadline_shift_ns": returning(0.5)}),
     "park raises": (PARKS, {"park": raising(ZeroDivisionError())}),
+    "it is parked for good": (
+        PARKS,
+        {"park": lambda driver: setattr(driver.device, "is_there", False)},
+    ),
     "park takes a minute": (PARKS, {"park": waiting("park", 60.0 / PERIOD)}),
     "its feedback is not a number": (IS_POSE, {"report": reporting(omega_body=(math.nan, 0, 0))}),
     "its feedback lacks an axis": (IS_POSE, {"report": reporting(omega_body=(0.0, 0.0))}),
     "its feedback has nine joints": (IS_POSE, {"report": reporting(joints=(0.0,) * 9)}),
+    "the time of its feedback is no whole number": (
+        IS_POSE,
+        {"report": reporting(time_ns=lambda driver: float(driver.clock.now_ns()))},
+    ),
+    "its orientation has no unit norm": (
+        IS_POSE,
+        {"report": reporting(q=lambda driver: tuple(1.001 * part for part in driver.device.q))},
+    ),
+    "its feedback is no feedback": (IS_POSE, {"read": lambda driver: (*driver.report(),)}),
+    "its feedback is from the future": (
+        STAMPS,
+        {"report": reporting(time_ns=lambda driver: driver.clock.now_ns() + 1)},
+    ),
+    "its joints are of another mechanism": (
+        POSES,
+        {"report": reporting(joints=lambda driver: log(later(driver.device.q)))},
+    ),
+    "it does not notice that the device is gone": (GONE, {"require": returning(None)}),
+    "it does not notice that there is no device": (NOT_THERE, {"require": returning(None)}),
+    "it cannot say why without its device": (
+        ASKED,
+        {"why_stale": lambda driver: driver.require() or ""},
+    ),
     "its feedback never changes": (STAMPS, {"read": reporting(time_ns=10**9)}),
     "it takes any option of a motion": (TUNES, {"tune": returning(None)}),
     "it moves in a fault": (RESTS, {"rest_in_fault": returning(None)}),
@@ -377,6 +425,11 @@ WRONG = {
         BEGINS,
         {"offline_start": returning(Feedback(0, (0.0, 0.0, 0.0, 0.0)))},
     ),
+    "it begins nowhere if the device is asked": (
+        BEGINS,
+        {"offline_start": beginning_nowhere(if_asked=True)},
+    ),
+    "it begins nowhere unasked": (BEGINS, {"offline_start": beginning_nowhere(if_asked=False)}),
     "it has no name": (NAMED, {"name": ""}),
     "it has no rate": (NAMED, {"default_rate_hz": 0.0}),
     "it declares no time": (OFFERS, {"longest_call": 0.0}),
@@ -398,11 +451,6 @@ def bad(*names):
     return keep
 
 
-def later(driver, q):
-    """Return *q* turned a little."""
-    return multiply(q, exp((0.0, 0.0, 0.001)))
-
-
 class Counting(GoodDriver):
     count = 0
 
@@ -422,12 +470,6 @@ class WaitsNowAndThen(Counting):
 class ParkIsMisspelt(lacking("park")):
     def parc(self):
         pass
-
-
-@bad(PARKS)
-class ParkedForGood(GoodDriver):
-    def park(self):
-        self.device.is_there = False
 
 
 @bad(RESETS)
@@ -454,25 +496,7 @@ class CannotBeWrittenToOnceReset(GoodDriver):
 class ResetMovesIt(GoodDriver):
     def reset(self):
         super().reset()
-        self.device.q = later(self, self.device.q)
-
-
-@bad(IS_POSE)
-class FeedbackHasAFloatAsItsTime(GoodDriver):
-    def report(self):
-        return super().report()._replace(time_ns=float(self.clock.now_ns()))
-
-
-@bad(IS_POSE)
-class FeedbackIsNoUnit(GoodDriver):
-    def report(self):
-        return super().report()._replace(q=tuple(1.001 * part for part in self.device.q))
-
-
-@bad(IS_POSE)
-class FeedbackIsNoFeedback(GoodDriver):
-    def read(self):
-        return tuple(super().read())
+        self.device.q = later(self.device.q)
 
 
 @bad(ASKED)
@@ -485,13 +509,6 @@ class CannotSayWhyBeforeTheFirstRead(GoodDriver):
 
     def why_stale(self):
         return f"since {self.newest.time_ns}"
-
-
-@bad(ASKED)
-class CannotSayWhyWithoutItsDevice(GoodDriver):
-    def why_stale(self):
-        self.require()
-        return ""
 
 
 @bad(ASKED)
@@ -510,12 +527,6 @@ class CannotBeReadBeforeItIsEnabled(GoodDriver):
 
 
 @bad(STAMPS)
-class FeedbackFromTheFuture(GoodDriver):
-    def report(self):
-        return super().report()._replace(time_ns=self.clock.now_ns() + 1)
-
-
-@bad(STAMPS)
 class FeedbackGoesBack(Counting):
     def read(self):
         back = 3 * PERIOD_NS if self.every(5) else 0
@@ -526,11 +537,11 @@ class FeedbackGoesBack(Counting):
 class MovesOnEnable(GoodDriver):
     def enable(self):
         start = super().enable()
-        self.device.q = later(self, start.q)
+        self.device.q = later(start.q)
         return start
 
     def write(self, setpoint):
-        super().write(setpoint._replace(q=later(self, setpoint.q)))
+        super().write(setpoint._replace(q=later(setpoint.q)))
 
 
 @bad(ENABLES)
@@ -545,12 +556,6 @@ class RaisesSomethingElse(GoodDriver):
     def require(self):
         if not self.device.is_there:
             raise OSError(5, "Input/output error")
-
-
-@bad(GONE, NOT_THERE)
-class DoesNotNotice(GoodDriver):
-    def require(self):
-        pass
 
 
 @bad(GONE)
@@ -619,7 +624,7 @@ class TakesAnyOption(GoodDriver):
 class MovesAfterAFault(GoodDriver):
     def reset(self):
         if self.device.is_at_rest:
-            self.device.q = later(self, self.device.q)
+            self.device.q = later(self.device.q)
         super().reset()
 
 
@@ -639,12 +644,6 @@ class SaysNothingWhileFree(GoodDriver):
 
     def read(self):
         return None if self.is_free else super().read()
-
-
-@bad(POSES)
-class HasAnotherMechanism(GoodDriver):
-    def report(self):
-        return super().report()._replace(joints=log(later(self, self.device.q)))
 
 
 @bad(POSES)
@@ -668,20 +667,6 @@ class NeedsOptionsOfEveryMotion(GoodDriver):
     def tune(self, options):
         super().tune(options)
         assert options
-
-
-@bad(BEGINS)
-class BeginsNowhereAsked(GoodDriver):
-    def offline_start(self, *, from_device):
-        start = super().offline_start(from_device=from_device)
-        return start._replace(q=(0.0, 0.0, 0.0, 0.0)) if from_device else start
-
-
-@bad(BEGINS)
-class BeginsNowhereUnasked(GoodDriver):
-    def offline_start(self, *, from_device):
-        start = super().offline_start(from_device=from_device)
-        return start if from_device else start._replace(q=(0.0, 0.0, 0.0, 0.0))
 
 
 @bad("test_it_can_be_closed_twice_and_unopened")

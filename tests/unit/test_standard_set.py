@@ -25,15 +25,6 @@ CASES = [
 ]
 
 
-def test_there_are_at_least_ten_sequences():
-    assert len(NAMES) >= 10
-
-
-def test_every_sequence_has_a_file_and_a_table():
-    assert {sequence.__name__ for sequence in sequences.SEQUENCES} == set(NAMES)
-    assert {path.stem for path in regenerate.HERE.glob("*.csv")} == set(NAMES)
-
-
 @pytest.mark.parametrize("sequence", sequences.SEQUENCES, ids=lambda one: one.__name__)
 def test_motion_files_are_what_their_recipe_makes(sequence):
     path = regenerate.HERE / f"{sequence.__name__}.yaml"

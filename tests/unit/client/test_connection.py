@@ -57,52 +57,14 @@ def test_what_is_missing_of_the_certificates_is_named(monkeypatch, connect_to, a
         connect_to(**address)
 
 
-@pytest.fixture(scope="module")
-def authority(tmp_path_factory):
-    made = Authority(tmp_path_factory.mktemp("authority") / "ca")
-    for name in ("ana", "bob"):
-        made.issue(name)
-    return made
-
-
-def client_files(authority, *names):
-    return certificate_files("host:1", *(authority.folder / name for name in names))
-
-
-@pytest.mark.parametrize(
-    ("names", "problem"),
-    [
-        (("ana.pem", "bob.key", "ca.pem"), "the key {1} does not belong to the certificate {0}"),
-        (
-            ("ana.key", "ana.key", "ca.pem"),
-            "{0}: expected a certificate in PEM, found a private key",
-        ),
-        (
-            ("ana.pem", "ana.key", "ana.key"),
-            "{2}: expected a certificate in PEM, found a private key",
-        ),
-        (
-            ("ana.pem", "ana.pem", "ca.pem"),
-            "{1}: expected a private key in PEM, found a certificate",
-        ),
-        (("ana.pem", "none", "ca.pem"), "cannot read {1}: No such file or directory"),
-    ],
-    ids=["another's key", "no certificate", "no CA", "no key", "no file"],
-)
-def test_a_wrong_file_of_a_client_is_named_before_it_connects(authority, names, problem):
-    paths = [authority.folder / name for name in names]
-    with pytest.raises(DaemonError) as caught:
-        client_files(authority, *names)
-    assert str(caught.value).startswith(problem.format(*paths))
-
-
-def test_a_private_key_that_everybody_can_read_is_named(authority, caplog):
-    client_files(authority, "ana.pem", "ana.key", "ca.pem")
+def test_a_private_key_that_everybody_can_read_is_named(tmp_path, caplog):
+    authority = Authority(tmp_path / "ca")
+    authority.issue("ana")
+    certificate, key, ca = (authority.folder / name for name in ("ana.pem", "ana.key", "ca.pem"))
+    certificate_files("host:1", certificate, key, ca)
     assert not caplog.messages
-    key = authority.folder / "open.key"
-    key.write_bytes((authority.folder / "ana.key").read_bytes())
     key.chmod(0o644)
-    client_files(authority, "ana.pem", "open.key", "ca.pem")
+    certificate_files("host:1", certificate, key, ca)
     assert caplog.messages == [
         f"every user can read the private key {key} (mode 644): chmod 600 it"
     ]

@@ -232,54 +232,6 @@ def test_a_stop_while_a_motion_is_started_stops_it(devices, arm, servo):
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
 
 
-def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(devices, arm, servo, clock):
-    token = devices.leases.acquire("ana").token
-    servo.during_start = lambda: clock.advance(5 * SECOND)
-    run = begin(devices, arm, token)
-    devices.leases.expire()
-    assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
-
-
-def test_a_fault_ends_a_motion_as_a_fault(devices, arm, servo):
-    run = begin(devices, arm, devices.leases.acquire("ana").token)
-    servo.fall(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
-    assert ended(arm, run) == (pb.OUTCOME_FAULT, "velocity of 3 rad/s")
-
-
-def test_the_reason_of_a_stop_is_not_that_of_a_later_one(devices, arm, servo):
-    token = devices.leases.acquire("ana").token
-    begin(devices, arm, token)
-    stop(devices, "arm", "ben")
-    run = begin(devices, arm, token)
-    servo.be(ServoState.HOLDING)
-    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped on its path")
-
-
-@pytest.mark.usefixtures("names")
-def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(devices, arm, servo):
-    token = devices.leases.acquire("ana").token
-    run = begin(devices, arm, token)
-    servo.memory.stops.publish(False, 1, 2, 3)
-    servo.be(ServoState.STOPPING)
-    with pytest.raises(StateError, match="not holding"):
-        start(arm, token, run.motion)
-    servo.be(ServoState.HOLDING)
-    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
-
-
-def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(devices, arm, servo):
-    token = devices.leases.acquire("ana").token
-    first = begin(devices, arm, token)
-    servo.finish()
-    tend(arm)
-    second = begin(devices, arm, token)
-    arm.abandon(first, "gone")
-    tend(arm)
-    assert not second.ended.done()
-    arm.abandon(second, "gone")
-    assert ended(arm, second) == (pb.OUTCOME_STOPPED, "gone")
-
-
 def test_a_motion_that_is_yet_to_begin_outlives_the_one_that_it_replaces(devices, arm, servo):
     token = devices.leases.acquire("ana").token
     first = begin(devices, arm, token)
@@ -297,24 +249,6 @@ def test_motions_that_have_not_ended_keep_their_order(arm):
         assert arm.unfinished() == expected
         for queued in expected:
             arm.abandon(queued, "over")
-
-
-def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):
-    token = devices.leases.acquire("ana").token
-
-    async def go_away():
-        loop = asyncio.get_running_loop()
-        moving = asyncio.ensure_future(moved(arm, token))
-        servo.during_start = lambda: loop.call_soon_threadsafe(moving.cancel)
-        with pytest.raises(asyncio.CancelledError):
-            await moving
-
-    asyncio.run(go_away())
-    settle(arm)
-    tend(arm)
-    assert arm.unfinished() == []
-    # Its beginning and its end may both have found it, and each stops it.
-    assert (servo.asked[0], {*servo.asked[1:]}) == ("start", {"stop"})
 
 
 def test_a_motion_whose_caller_goes_away_while_it_is_planned_is_forgotten(
@@ -427,18 +361,6 @@ def test_shutdown_stops_nothing_that_never_started(devices, servo, caplog):
     assert not caplog.records
 
 
-def test_shutdown_ends_what_a_dead_servo_cannot(devices, arm, servo):
-    run = begin(devices, arm, devices.leases.acquire("ana").token)
-
-    def ask(command, **more):
-        servo.fall(Fault.SERVO_DIED, "the servo process was ended by signal 9")
-        tend(arm)
-
-    servo.ask = ask
-    devices.shutdown()
-    assert run.ended.result(0)[0] == pb.OUTCOME_FAULT
-
-
 def test_what_keeps_a_device_from_being_ready_is_told(devices, servo):
     servo_of(devices.device("leg")).wait_ready = lambda timeout: True
     servo.wait_ready = lambda timeout: False
@@ -453,12 +375,6 @@ def test_nobody_waits_for_devices_of_a_daemon_that_ends(devices):
         "device arm: not ready after 3600 s",
         "device leg: not ready after 3600 s",
     ]
-
-
-def test_a_motion_that_is_planned_too_late_is_planned_again(devices, arm, servo):
-    servo.refusals = 2 * [LateError("the path has passed record 3, it is at 4")]
-    run = move(arm, devices.leases.acquire("ana").token)
-    assert run.attempts == 3
 
 
 def test_a_motion_waits_for_a_steady_speed_and_says_so(devices, arm, servo):

@@ -37,6 +37,79 @@ def servo():
     return it
 
 
+EXTENDED = [(11, 4, 1), (64, 1, 1)]
+"""Writes, each an address, a value and its size, that switch a servo on in the extended mode."""
+
+REFUSED = [
+    # the writes before, the address, what is written there, and the error
+    ([], 9, b"\0", ErrorNumber.NONE),
+    (EXTENDED, 9, b"\0", ErrorNumber.ACCESS),  # the EEPROM is closed while torque is on
+    ([*EXTENDED, (64, 0, 1)], 9, b"\0", ErrorNumber.NONE),
+    (EXTENDED, 132, signed(0), ErrorNumber.ACCESS),  # can only be read
+    (EXTENDED, 662, b"\0", ErrorNumber.ACCESS),  # beyond the end
+    (EXTENDED, 116, b"\0\0", ErrorNumber.DATA_LENGTH),  # part of a register
+    (EXTENDED, 116, signed(-TURN_LIMIT), ErrorNumber.NONE),
+    (EXTENDED, 116, signed(-TURN_LIMIT - 1), ErrorNumber.DATA_RANGE),
+    ([(48, 3000, 4), (64, 1, 1)], 116, signed(3000), ErrorNumber.NONE),
+    ([(48, 3000, 4), (64, 1, 1)], 116, signed(3001), ErrorNumber.DATA_LIMIT),
+    (EXTENDED, 104, signed(201), ErrorNumber.DATA_LIMIT),
+    # the block of indirect addresses
+    ([(168, 116, 2)], 224, b"\0", ErrorNumber.DATA_LENGTH),
+    ([], 168, signed(661, 2), ErrorNumber.NONE),
+    ([], 168, signed(662, 2), ErrorNumber.DATA_RANGE),
+    ([], 168, signed(63, 2), ErrorNumber.DATA_RANGE),  # in the EEPROM
+    *(
+        ([], 11, bytes([mode]), 0 if mode in (0, 1, 3, 4, 5, 16) else ErrorNumber.DATA_RANGE)
+        for mode in range(17)
+    ),
+]
+
+
+@pytest.mark.parametrize(("before", "address", "content", "error"), REFUSED)
+def test_a_write_has_the_error_of_the_control_table(before, address, content, error):
+    servo = EmulatedServo(1)
+    for one in before:
+        assert put(servo, *one) == 0
+    assert servo.write(address, content, 0) == error
+
+
+def test_the_table_of_a_small_model_is_shorter():
+    servo = EmulatedServo(1, XL330_M288)
+    assert put(servo, 168, 227, 2) == 0
+    assert put(servo, 168, 228, 2) == ErrorNumber.DATA_RANGE
+    assert EmulatedServo(1).read(660, 8, 0) == (ErrorNumber.ACCESS, b"")
+
+
+READ = [
+    # the writes before, the address, its size, when it is read, its value, and how nearly
+    ([(20, 100, 4)], 132, 4, 0, 2148, 0),  # the homing offset
+    ([*EXTENDED, (98, 5, 1), (64, 0, 1)], 98, 1, S, 5, 0),  # the watchdog waits without torque
+    ([(108, 5, 4), (11, 4, 1)], 108, 4, 0, 0, 0),  # a new mode resets profile and goals
+    ([(112, 6, 4), (11, 4, 1)], 112, 4, 0, 0, 0),
+    ([(102, 7, 2), (11, 4, 1)], 102, 2, 0, 1193, 0),
+    ([(36, 500, 2), (11, 4, 1)], 36, 2, 0, 885, 0),  # and lifts the limit of PWM
+    ([(36, 500, 2), (11, 4, 1)], 100, 2, 0, 885, 0),
+    (EXTENDED, 120, 2, 1234 * MS, 1234, 0),  # milliseconds since the boot, which wrap
+    (EXTENDED, 120, 2, 32_769 * MS, 1, 0),
+    ([(11, 1, 1), (64, 1, 1), (104, 100, 4)], 128, 4, S, 100, 1),  # the modes of speed
+    ([(11, 16, 1), (64, 1, 1), (100, 442, 2)], 128, 4, S, 100, 1),
+    ([(38, 0, 2), (11, 0, 1), (64, 1, 1)], 128, 4, S, 0, 0),  # no current, no turn
+    ([(38, 0, 2), (11, 5, 1), (64, 1, 1)], 128, 4, S, 0, 0),
+    ([(11, 1, 1), (64, 1, 1), (104, 9, 4)], 122, 1, S, 0, 0),  # moving, above a threshold
+    ([(11, 1, 1), (64, 1, 1), (104, 12, 4)], 122, 1, S, 1, 0),
+]
+
+
+@pytest.mark.parametrize(("before", "address", "size", "now", "value", "within"), READ)
+def test_a_register_reads_what_the_writes_have_made_of_it(
+    before, address, size, now, value, within
+):
+    servo = EmulatedServo(1)
+    for one in before:
+        assert put(servo, *one) == 0
+    assert number(servo, address, size, now) == pytest.approx(value, abs=within)
+
+
 @pytest.mark.parametrize(("model", "number_"), [(XM430_W350, 1020), (XL330_M288, 1200)])
 def test_model_number_is_in_the_table(model, number_):
     assert number(EmulatedServo(1, model), 0, 2) == number_
@@ -49,50 +122,9 @@ def test_torque_on_takes_the_present_position_as_goal():
     assert number(servo, 116, 4) == 1234
 
 
-def test_eeprom_is_closed_while_torque_is_on(servo):
-    assert put(servo, 9, 0, 1) == ErrorNumber.ACCESS
-    put(servo, 64, 0, 1)
-    assert put(servo, 9, 0, 1) == 0
-    assert servo.return_delay_ns == 0
-
-
-def test_read_only_register_is_refused(servo):
-    assert put(servo, 132, 0, 4) == ErrorNumber.ACCESS
-
-
-def test_partial_register_is_refused(servo):
-    assert servo.write(116, b"\0\0", 0) == ErrorNumber.DATA_LENGTH
-
-
-def test_beyond_the_end_is_refused(servo):
-    assert servo.read(660, 8, 0) == (ErrorNumber.ACCESS, b"")
-    assert servo.write(662, b"\0", 0) == ErrorNumber.ACCESS
-
-
 def test_write_of_several_registers_is_whole_or_nothing(servo):
     assert servo.write(112, signed(100) + signed(TURN_LIMIT + 1), 0) == ErrorNumber.DATA_RANGE
     assert number(servo, 112, 4) == 0
-
-
-def test_goal_outside_the_turns_is_out_of_range(servo):
-    assert put(servo, 116, -TURN_LIMIT, 4) == 0
-    assert put(servo, 116, -TURN_LIMIT - 1, 4) == ErrorNumber.DATA_RANGE
-
-
-def test_position_mode_keeps_its_limits():
-    servo = EmulatedServo(1)
-    put(servo, 48, 3000, 4)
-    put(servo, 64, 1, 1)
-    assert put(servo, 116, 3001, 4) == ErrorNumber.DATA_LIMIT
-    assert put(servo, 116, 3000, 4) == 0
-
-
-def test_unknown_mode_is_refused():
-    assert put(EmulatedServo(1), 11, 2, 1) == ErrorNumber.DATA_RANGE
-
-
-def test_goal_velocity_keeps_its_limit(servo):
-    assert put(servo, 104, 201, 4) == ErrorNumber.DATA_LIMIT
 
 
 def test_indirect_block_reads_and_writes_through():
@@ -104,23 +136,6 @@ def test_indirect_block_reads_and_writes_through():
     assert servo.read(224, 11, 0) == (0, b"\0" * 7 + signed(2048))
     assert servo.write(235, signed(-5), 0) == 0
     assert number(servo, 116, 4) == -5
-
-
-def test_indirect_write_of_half_a_register_is_refused():
-    servo = EmulatedServo(1)
-    put(servo, 168, 116, 2)
-    assert servo.write(224, b"\0", 0) == ErrorNumber.DATA_LENGTH
-
-
-@pytest.mark.parametrize(("model", "end"), [(XM430_W350, 662), (XL330_M288, 228)])
-def test_indirect_target_beyond_the_table_is_refused(model, end):
-    servo = EmulatedServo(1, model)
-    assert put(servo, 168, end - 1, 2) == 0
-    assert put(servo, 168, end, 2) == ErrorNumber.DATA_RANGE
-
-
-def test_indirect_target_in_the_eeprom_is_refused():
-    assert put(EmulatedServo(1), 168, 63, 2) == ErrorNumber.DATA_RANGE
 
 
 def test_step_follows_the_first_order_lag(servo):
@@ -174,17 +189,6 @@ def test_motion_does_not_depend_on_how_often_it_is_looked_at(servo):
     assert servo.shaft.position == other.shaft.position
 
 
-@pytest.mark.parametrize(
-    ("mode", "address", "value", "size"), [(1, 104, 100, 4), (16, 100, 442, 2)]
-)
-def test_speed_modes_turn_steadily(mode, address, value, size):
-    servo = EmulatedServo(1)
-    put(servo, 11, mode, 1)
-    put(servo, 64, 1, 1)
-    put(servo, address, value, size)
-    assert number(servo, 128, 4, S) == pytest.approx(100, abs=1)
-
-
 def test_turns_are_counted_in_extended_mode_and_lost_at_reboot(servo):
     put(servo, 116, 10_000, 4)
     assert number(servo, 132, 4, 5 * S) == 10_000
@@ -209,12 +213,6 @@ def test_torque_on_in_position_mode_loses_turns():
     assert number(servo, 132, 4) == 904
 
 
-def test_homing_offset_moves_the_reading():
-    servo = EmulatedServo(1)
-    put(servo, 20, 100, 4)
-    assert number(servo, 132, 4) == 2148
-
-
 def test_watchdog_stops_the_servo_and_refuses_goals_until_it_is_cleared(servo):
     put(servo, 98, 5, 1)
     put(servo, 116, 50_000, 4)
@@ -227,13 +225,6 @@ def test_watchdog_stops_the_servo_and_refuses_goals_until_it_is_cleared(servo):
     assert put(servo, 116, 2048, 4, S) == ErrorNumber.DATA_RANGE
     assert put(servo, 98, 0, 1, S) == 0
     assert put(servo, 116, 2048, 4, S) == 0
-
-
-def test_watchdog_counts_only_with_torque(servo):
-    put(servo, 98, 5, 1)
-    put(servo, 64, 0, 1)
-    servo.advance(S)
-    assert number(servo, 98, 1, S) == 5
 
 
 def test_error_in_the_shutdown_mask_switches_torque_off_until_reboot(servo):
@@ -263,35 +254,11 @@ def test_jam_becomes_an_overload_after_a_second(servo):
     assert round(servo.shaft.position) == 2048
 
 
-@pytest.mark.parametrize("mode", [0, 5])
-def test_servo_that_may_have_no_current_does_not_turn(mode):
-    servo = EmulatedServo(1)
-    put(servo, 38, 0, 2)
-    put(servo, 11, mode, 1)
-    put(servo, 64, 1, 1)
-    assert number(servo, 128, 4, now=S) == 0
-
-
 def test_load_slows_the_servo(servo):
     servo.shaft.load = 0.5
     put(servo, 116, 100_000, 4)
     first, second = number(servo, 132, 4, S), number(servo, 132, 4, 2 * S)
     assert second - first == pytest.approx(4.817 / 2 * TICKS_PER_RADIAN, rel=1e-3)
-
-
-def test_mode_change_resets_profile_and_goals():
-    servo = EmulatedServo(1)
-    put(servo, 108, 5, 4)
-    put(servo, 112, 6, 4)
-    put(servo, 102, 7, 2)
-    put(servo, 11, 4, 1)
-    assert (number(servo, 108, 4), number(servo, 112, 4)) == (0, 0)
-    assert number(servo, 102, 2) == 1193
-
-
-def test_tick_counts_milliseconds_since_boot_and_wraps(servo):
-    assert number(servo, 120, 2, 1234 * MS) == 1234
-    assert number(servo, 120, 2, 32_769 * MS) == 1
 
 
 def test_factory_reset_keeps_what_it_is_told_to_keep():
@@ -322,15 +289,6 @@ def test_watchdog_in_velocity_mode_sets_the_goal_to_zero():
     assert number(servo, 128, 4, 90 * MS) > 90
     assert number(servo, 104, 4, 300 * MS) == 0
     assert number(servo, 128, 4, 600 * MS) == 0
-
-
-@pytest.mark.parametrize(("speed", "moves"), [(9, 0), (12, 1)])
-def test_moving_is_said_above_the_threshold(speed, moves):
-    servo = EmulatedServo(1)
-    put(servo, 11, 1, 1)
-    put(servo, 64, 1, 1)
-    put(servo, 104, speed, 4)
-    assert number(servo, 122, 1, S) == moves
 
 
 def test_a_stalled_servo_overloads_only_if_it_wants_to_turn(servo):
@@ -407,19 +365,6 @@ def test_a_servo_that_has_arrived_has_no_speed(servo):
     put(servo, 116, 2100, 4)
     servo.advance(3 * S)
     assert (servo.shaft.position, servo.shaft.speed) == (2100.0, 0.0)
-
-
-def test_there_are_six_operating_modes():
-    servo = EmulatedServo(1)
-    taken = [mode for mode in range(17) if put(servo, 11, mode, 1) == ErrorNumber.NONE]
-    assert taken == [0, 1, 3, 4, 5, 16]
-
-
-def test_a_new_mode_lifts_the_limit_of_pwm():
-    servo = EmulatedServo(1)
-    put(servo, 36, 500, 2)
-    put(servo, 11, 4, 1)
-    assert (number(servo, 36, 2), number(servo, 100, 2)) == (885, 885)
 
 
 @pytest.mark.parametrize(("attribute", "value", "bit"), [("supply", 90, 0), ("supply", 170, 0),

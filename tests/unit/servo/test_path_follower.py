@@ -139,17 +139,6 @@ def test_an_end_of_a_motion_before_does_not_count(ring, follower):
     assert follower.records_left() == 2
 
 
-def test_of_all_that_lies_ahead_the_least_brake_rate_counts(ring, follower):
-    firsts = chained(ring, follower)
-    assert follower.slowest_brake_rate == TERMS.brake_rate
-    first = lay(ring, range(9, 12))
-    slow = replace(TERMS, brake_rate=0.5 * TERMS.brake_rate)
-    assert follower.splice(PathPart(4, first, slow, leave=firsts[2] + 1)) == ""
-    assert follower.slowest_brake_rate == slow.brake_rate
-    follower.begin(PathPart(5, first, replace(TERMS, brake_rate=9.0)))
-    assert follower.slowest_brake_rate == 9.0
-
-
 def chained(ring, follower):
     """Return the first records of three parts, left at the fourth record of each."""
     firsts = [begun(ring, follower, 6)]
@@ -201,16 +190,6 @@ def test_what_has_other_limits_is_not_peeked_at(ring, follower):
     assert follower.peek_ahead(4) == point(4)
 
 
-def test_a_splice_ahead_of_another_drops_it(ring, follower):
-    firsts = chained(ring, follower)
-    first = lay(ring, range(2, 5))
-    assert follower.splice(PathPart(4, first, TERMS, leave=2, final=first + 2)) == ""
-    for _ in range(6):
-        ahead(follower, 1.0)
-    assert (follower.part.number, follower.index, follower.is_at_end) == (4, first + 2, True)
-    assert firsts[2] < first
-
-
 def test_a_splice_on_a_leg_ahead_keeps_those_before_it(ring, follower):
     firsts = chained(ring, follower)
     first = lay(ring, range(6, 9))
@@ -233,19 +212,6 @@ def test_a_record_beyond_where_its_leg_is_left_is_not_on_the_path(ring, follower
     # Where the part is left by another it may be left for this one, too.
     first = lay(ring, range(4, 9))
     assert follower.splice(PathPart(4, first, TERMS, leave=4)) == ""
-
-
-def test_a_record_that_is_passed_cannot_be_left(ring, follower):
-    begun(ring, follower, 10)
-    first = lay(ring, range(2, 9))
-    ahead(follower, 1.0)
-    ahead(follower, 1.0)
-    ahead(follower, 0.5)
-    assert follower.splice(PathPart(2, first, TERMS, leave=2)) == (
-        "the path has passed record 2, it is at 2"
-    )
-    first = lay(ring, range(3, 9))
-    assert follower.splice(PathPart(2, first, TERMS, leave=3)) == ""
 
 
 def test_a_record_that_is_not_there_cannot_be_joined(ring, follower):

@@ -49,28 +49,6 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
     return np.array(ratios), slow
 
 
-def nearest_to_limits(motion):
-    """Return the largest share of a limit of acceleration or jerk that a motion reaches."""
-    certificate = motion.certificate
-    peaks = certificate.peak_acceleration, certificate.peak_jerk
-    figures = [figure for figure in certificate.figures if "velocity" not in figure.name]
-    return max(
-        *(peak.ratio for peak in peaks),
-        certificate.peak_linear_acceleration.ratio,
-        *(figure.value / figure.limit for figure in figures),
-    )
-
-
-def test_stops_are_drawn_from_motions_with_and_without_a_reserve():
-    drawn = {
-        kind: max(map(nearest_to_limits, motions([0, KINDS.index(kind)], 8, kind)))
-        for kind in ("reserve", "minimum")
-    }
-    # At every phase of the setpoints a C1 curve may reach 1 % more than at those of full speed.
-    assert drawn["reserve"] < 0.96
-    assert drawn["minimum"] > 0.979
-
-
 def check_optimal(ride, cycles):
     """Check that a stop is not much longer than the best that a search finds on the path."""
     search = ShortestStop(ride.motion, ride.record, ride.omega, ride.alpha, ride.velocity)

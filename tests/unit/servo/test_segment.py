@@ -49,20 +49,6 @@ def test_the_servo_and_the_planner_have_one_law(size):
     assert steps > 50
 
 
-@pytest.mark.parametrize("size", [1e-4, 0.01, 0.1])
-def test_a_segment_begins_and_ends_at_its_records(size):
-    random = np.random.default_rng(3)
-    for _ in range(50):
-        start, end = turning_points(random, size)
-        segment = Segment(start, end, PERIOD)
-        for u, record in ((1e-300, start), (1.0, end)):
-            found = segment.at(u)
-            assert floats.norm(floats.difference(record.q, found.q)) < 1e-14
-            for name in ("omega_body", "alpha_body", "position", "velocity"):
-                wanted = getattr(record, name)
-                assert getattr(found, name) == pytest.approx(wanted, rel=1e-11, abs=1e-11 / PERIOD)
-
-
 @pytest.mark.parametrize("size", [0.001, 0.05, 0.4])
 def test_the_velocity_is_the_derivative_of_the_orientation(size):
     random = np.random.default_rng(2)
@@ -72,19 +58,6 @@ def test_the_velocity_is_the_derivative_of_the_orientation(size):
         turned = floats.difference(segment.at(u - step).q, segment.at(u + step).q)
         velocity = np.array(turned) / (2 * step * PERIOD)
         np.testing.assert_allclose(segment.at(u).omega_body, velocity, atol=1e-4 * size / PERIOD)
-
-
-def test_a_record_is_returned_untouched():
-    start = point((0.6, 0.0, 0.8, 0.0), (1.0, 2.0, 3.0))
-    assert Segment(start, start, 0.002).at(0.0) is start
-
-
-def test_position_follows_a_cubic_with_its_velocities():
-    start = point((1, 0, 0, 0), (0, 0, 0), position=(0.0, 1.0, 2.0), velocity=(0.5, 0.0, -0.5))
-    end = point((1, 0, 0, 0), (0, 0, 0), position=(0.001, 1.0, 1.999), velocity=(0.5, 0.0, -0.5))
-    middle = Segment(start, end, 0.002).at(0.5)
-    assert middle.position == pytest.approx((0.0005, 1.0, 1.9995))
-    assert middle.velocity == pytest.approx((0.5, 0.0, -0.5))
 
 
 def turn_with_a_step(place, before, behind, jerk=0.0):
@@ -148,9 +121,3 @@ def test_a_step_at_a_record_is_no_matter_of_rounding(pairs):
         found = np.concatenate(Segment(*pair, PERIOD).at(float(share)))
         assert np.max(np.abs(found[:4] - state[:4])) <= 1e-15
         np.testing.assert_allclose(found[4:7], state[4:7], atol=1e-12)
-
-
-@pytest.mark.parametrize("jerk", [200.0, 8500.0])
-def test_a_path_that_changes_evenly_has_no_kink(jerk):
-    at = turn_with_a_step(1.0, 4.0, 4.0, jerk)
-    assert law_between(at(0.0), at(1.0), PERIOD).step == (0.0, 0.0, 0.0)

@@ -164,22 +164,6 @@ def test_a_record_that_is_passed_is_refused_and_nothing_changes(behind):
     ends_at(rig, PATH[0][-1])
 
 
-def test_a_path_that_does_not_join_is_refused():
-    rig = Rig()
-    first = rig.start(PATH)
-    rig.run(300)
-    leave = rig.cycle.path_index + 10
-    for shift, what in ((1, "orientation"), (0, "")):
-        new = bridge(PATH, leave - first + shift, PATH[0][0], 2.0)
-        (answer, text), _ = splice(rig, new, leave)
-        assert (answer is Answer.REFUSED) == bool(what)
-        assert what in text
-    still = turn()
-    leave = rig.cycle.path_index + 20
-    (answer, text), _ = splice(rig, still, leave)
-    assert answer is Answer.REFUSED
-
-
 def test_a_later_splice_takes_the_place_of_one_ahead_of_it():
     rig = Rig(capacity=8192)
     first = rig.start(PATH)
@@ -196,71 +180,6 @@ def test_a_later_splice_takes_the_place_of_one_ahead_of_it():
     (answer, text), _ = splice(rig, PATH, dropped + 3, motion=5)
     assert answer is Answer.REFUSED
     ends_at(rig, PATH[0][5])
-
-
-def test_splices_chain_every_other_cycle():
-    rig = Rig(capacity=8192)
-    first = rig.start(PATH)
-    rig.run(520)
-    path, base, generator = PATH, first, np.random.default_rng(3)
-    for number in range(2, 80):
-        leave = rig.cycle.path_index + 3 if rig.cycle.path_index >= base else base + 2
-        target = rotation.exp(generator.normal(size=3) * 0.05)
-        path = bridge(path, leave - base, target, 1.0)
-        (answer, text), base = splice(rig, path, leave, motion=number)
-        assert (answer, text) == (Answer.DONE, "")
-        rig.run(1)
-    sent = ends_at(rig, path[0][-1])
-    assert peaks(sent)[1] < TERMS.acceleration * 1.001
-
-
-def test_a_motion_queued_at_the_end_follows_without_a_cycle_of_rest():
-    rig = Rig()
-    rig.start(PATH)
-    rig.run(100)
-    end = len(PATH[0]) - 1
-    (answer, _), _ = splice(rig, bridge(PATH, end, PATH[0][0], 2.0), end)
-    assert answer is Answer.DONE
-    sent = ends_at(rig, PATH[0][0])
-    assert len(sent) == pytest.approx(2 * end, abs=5)
-
-
-def test_it_stops_on_the_new_path_when_the_daemon_dies_before_the_splice():
-    rig = Rig()
-    first = rig.start(PATH)
-    rig.run(400)
-    leave = rig.cycle.path_index + 12
-    new = bridge(PATH, leave - first, rotation.exp([0.0, 0.9, 0.2]), 1.2)
-    assert splice(rig, new, leave)[0][0] is Answer.DONE
-    rig.parent_is_alive = False
-    rig.run_until(lambda servo: servo.has_ended)
-    planned = np.vstack([PATH[0][: leave - first], new[0]])
-    gaps = [rotation.angle(planned, q).min() for q in rig.sent()[::7]]
-    assert max(gaps) < 2e-3  # between two planned setpoints
-    assert rig.cycle.motion == 2
-    peaks_sent = peaks(rig.sent())
-    assert peaks_sent[1] < TERMS.acceleration * 1.001
-
-
-def test_pause_and_speed_run_over_a_splice():
-    rig = Rig()
-    first = rig.start(PATH)
-    rig.run(400)
-    assert rig.ask(Command.SPEED, speed=0.3)[0] is Answer.DONE
-    rig.run(300)
-    leave = rig.cycle.path_index + 20
-    target = rotation.exp([0.0, 0.9, 0.2])
-    new = bridge(PATH, leave - first, target, 1.2)
-    assert splice(rig, new, leave)[0][0] is Answer.DONE
-    rig.run(90)
-    assert rig.ask(Command.SPEED, speed=0.0)[0] is Answer.DONE
-    rig.run(600)
-    assert rig.cycle.motion == 2
-    assert np.ptp(rig.sent()[-20:], axis=0).max() == 0.0
-    assert rig.ask(Command.SPEED, speed=1.0)[0] is Answer.DONE
-    sent = ends_at(rig, target)
-    assert peaks(sent)[1] < TERMS.acceleration * 1.001
-    assert peaks(sent)[2] < TERMS.jerk
 
 
 def test_a_motion_waits_for_its_instant():
@@ -296,19 +215,6 @@ def test_a_motion_is_as_far_along_as_its_instant_is_past(after_ns, speed):
     ends_at(rig, PATH[0][-1])
 
 
-def test_a_stop_before_that_instant_leaves_the_device_where_it_is():
-    rig = Rig()
-    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
-    first = rig.lay(*PATH)
-    instant = rig.clock.now_ns() + 500 * 2_000_000
-    assert rig.ask(Command.START, path_index=first, start_ns=instant)[0] is Answer.DONE
-    rig.run(20)
-    assert rig.ask(Command.STOP)[0] is Answer.DONE
-    rig.run(3)
-    assert rig.cycle.state is ServoState.HOLDING
-    assert np.ptp(rig.sent(), axis=0).max() == 0.0
-
-
 def test_a_motion_that_replaces_a_waiting_one_begins_at_once():
     rig = Rig()
     assert rig.ask(Command.ENABLE)[0] is Answer.DONE
@@ -322,16 +228,3 @@ def test_a_motion_that_replaces_a_waiting_one_begins_at_once():
     assert rig.cycle.motion == 2
     ends_at(rig, target)
     assert rig.clock.now_ns() < instant
-
-
-@pytest.mark.parametrize("cycles", [30, 200, 400, 700, 990])
-def test_a_halt_comes_to_rest_inside_the_limits(cycles):
-    rig = Rig()
-    rig.start(PATH)
-    rig.run(cycles)
-    assert rig.ask(Command.HALT)[0] is Answer.DONE
-    count = rig.run_until(lambda servo: not servo.is_moving)
-    assert rig.cycle.state is ServoState.HOLDING
-    assert count < 150
-    rig.run(3)
-    assert all(a <= b * 1.001 for a, b in zip(peaks(rig.sent()), (2.5, 17.0, 8500.0), strict=True))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
+from rig import PERIOD_NS, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.errors import Fault
@@ -13,7 +13,6 @@ from orientd.stream.records import (
     UNKNOWN,
     Answer,
     Command,
-    CycleFlag,
     NoteKind,
     ServoState,
 )
@@ -37,42 +36,6 @@ def since(rig, number):
 
 def keeps_limits(q):
     return all(found <= 1.001 * limit for found, limit in zip(peaks(q), LIMITS, strict=True))
-
-
-@pytest.mark.parametrize("state", ["streaming", "slow", "paused", "changing"])
-@pytest.mark.parametrize("stall_ms", [52, 130, 480])
-def test_motion_goes_on_from_rest_inside_the_limits(state, stall_ms):
-    rig, path = moving()
-    if state != "streaming":
-        rig.ask(Command.SPEED, speed={"slow": 0.4, "paused": 0.0, "changing": 0.7}[state])
-        rig.run(5 if state == "changing" else 300)
-    last = len(rig.driver.setpoints) - 1
-    rig.stall(stall_ms)
-    rig.run(3)
-    rig.ask(Command.SPEED, speed=1.0)
-    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
-    sent = since(rig, last)
-    assert keeps_limits(sent)
-    assert rotation.angle(sent[-1], path[0][-1]) < 1e-9
-    assert rig.cycle.fault == Fault.NONE
-
-
-def test_first_setpoint_after_a_stall_is_where_the_device_has_come_to_rest():
-    rig, _ = moving()
-    before = rig.sent()[-1]
-    assert not rig.cycle.flags & CycleFlag.FROM_REST
-    assert rig.stall(200).flags & CycleFlag.FROM_REST
-    step = rotation.angle(before, rig.sent()[-1])
-    assert step <= TERMS.acceleration * PERIOD**2
-
-
-def test_shorter_gap_is_ridden_out_as_planned():
-    rig, path = moving()
-    assert not rig.stall(SHORTEST_NS / 1e6 - 4).flags & CycleFlag.FROM_REST
-    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
-    sent = rig.sent()
-    begin = np.any(sent != sent[0], axis=1).argmax() - 1
-    np.testing.assert_array_equal(sent[begin : begin + len(path[0])], path[0])
 
 
 @pytest.mark.parametrize("what", ["path", "targets"])
@@ -126,14 +89,6 @@ def test_stop_is_over_after_a_stall(command, stall_ms):
     assert (since(rig, -21) == before).all()
 
 
-def test_stop_for_a_fault_ends_in_that_fault_after_a_stall():
-    rig, _ = moving(heartbeat_ns=20_000_000)
-    rig.beats = False
-    rig.run_until(lambda servo: servo.state is ServoState.STOPPING)
-    rig.stall(130)
-    assert (rig.cycle.state, rig.cycle.fault) == (ServoState.FAULT, Fault.HEARTBEAT_LOST)
-
-
 def follow(rig, vector):
     """Follow a target that lives for ever."""
     if rig.servo.state is not ServoState.TRACKING:
@@ -178,18 +133,6 @@ def test_an_earlier_stall_does_not_excuse_a_silence_of_the_device():
     assert rig.run(45).fault == Fault.NONE
     rig.run(200)
     assert rig.servo.setpoints.fault is Fault.FEEDBACK_STALE
-
-
-@pytest.mark.parametrize("state", ["idle", "holding"])
-def test_stall_at_rest_is_none_of_anybodys_business(state):
-    rig = Rig()
-    if state == "holding":
-        rig.ask(Command.ENABLE)
-    rig.run(10)
-    before = rig.cycle.state
-    rig.stall(5000)
-    rig.run(10)
-    assert (rig.cycle.state, rig.cycle.fault) == (before, Fault.NONE)
 
 
 def test_a_cycle_or_two_of_a_slow_device_are_no_stall():

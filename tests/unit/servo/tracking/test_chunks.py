@@ -66,30 +66,6 @@ def test_a_sine_in_chunks_is_followed_without_lag(hertz, rate_hz):
     assert peak < 1.02 * amplitude * spin**2
 
 
-@pytest.mark.parametrize(
-    ("hz", "count", "inference"), [(10, 16, 0.15), (30, 50, 0.3), (30, 8, 0.1)]
-)
-def test_neither_rate_nor_length_of_chunks_shows(hz, count, inference):
-    error, lag, peak = play_sine(0.5, 1.0, hz=hz, count=count, inference=inference)
-    assert error < 5e-4
-    assert abs(lag) < 1e-4
-    assert peak < 1.01 * pi * pi
-
-
-@pytest.mark.parametrize("limits", [servo_limits(4.0, 12.0, 100.0), servo_limits(4.0, 12.0, 400.0)])
-def test_it_catches_up_with_little_to_spare_even_if_chunks_replace_each_other(limits):
-    world, begin_ns, worst = ChunkWorld(limits), NS, 0.0
-    for k in range(40):
-        poses = world.poses(world.now_ns - round(0.15 * NS), 16, 30, lambda t: about(sin(pi * t)))
-        assert world.chunk(poses) == ""
-        for _ in range(75):
-            point = world.step()
-            if k > 25:
-                t = (world.now_ns - begin_ns) / NS
-                worst = max(worst, angle(point.q, about(sin(pi * t))))
-    assert worst < 5e-4
-
-
 @pytest.mark.parametrize(("hertz", "amplitude"), [(0.25, 1.0), (0.5, 1.0), (1.0, 0.3)])
 @pytest.mark.parametrize("share", [1.05, 1.1, 1.5])
 @pytest.mark.parametrize("jerk", [3.0, 10.0])
@@ -125,19 +101,6 @@ def test_a_twin_of_a_rotation_vector_costs_no_turn():
     assert angle(exp(TWINS[0]), exp(TWINS[1])) * 180 / pi == pytest.approx(46.66, abs=0.01)
     assert angle(exp(TWINS[1]), exp(TWINS[2])) * 180 / pi == pytest.approx(15.64, abs=0.01)
     assert way * 180 / pi < (46.66 + 15.64) * 1.1
-
-
-def test_a_sign_of_a_quaternion_changes_nothing():
-    paths = []
-    for sign in (1.0, -1.0):
-        world = ChunkWorld(LIMITS)
-        poses = world.poses(world.now_ns, 20, 30, lambda t: about(0.8 * sin(3.0 * t)))
-        flipped = [
-            (t, tuple(sign * x for x in q) if k % 3 else q) for k, (t, q) in enumerate(poses)
-        ]
-        assert world.chunk(flipped) == ""
-        paths.append([point.q for point in world.run(1.5)])
-    assert all(angle(a, b) < 1e-12 for a, b in zip(*paths, strict=True))
 
 
 def test_poses_that_have_passed_are_left_out_and_counted():
@@ -211,18 +174,6 @@ def test_a_lone_outlier_moves_the_device_no_farther_than_the_limits_allow():
     away = max(angle(point.q, about(0.3 * (world.now - 1.0))) for point in world.run(1.5))
     assert away < 0.5
     assert angle(world.guard.q, about(0.3 * 29 / 30)) < 1e-5
-
-
-def test_a_missing_pose_is_bridged():
-    world, worst = ChunkWorld(LIMITS), 0.0
-    for _ in range(12):
-        poses = world.poses(world.now_ns, 16, 30, lambda t: about(0.5 * sin(3.0 * t)))
-        world.chunk([pose for k, pose in enumerate(poses) if k % 5 != 3])
-        for _ in range(round(0.25 / world.period)):
-            point, t = world.step(), world.now - 1.0
-            if t > 1.0:
-                worst = max(worst, angle(point.q, about(0.5 * sin(3.0 * t))))
-    assert worst < 1e-3
 
 
 def test_velocities_that_are_given_are_followed():
@@ -345,33 +296,6 @@ def test_whatever_a_policy_does_limits_are_kept_and_the_last_pose_is_come_to(see
     assert norm(world.guard.omega) < 1e-2
     # No turn that the poses do not have.
     assert way < 1.2 * least + 2.0 * pi
-
-
-def test_deadlines_that_shift_a_little_do_not_show():
-    world, peak, worst = ChunkWorld(LIMITS), 0.0, 0.0
-    for k in range(1500):
-        if k % 100 == 0:
-            poses = world.poses(world.now_ns, 16, 30, lambda t: about(sin(pi * t)))
-            assert world.chunk(poses) == ""
-        # What a device with a cycle of its own may ask for: a four-hundredth to and fro.
-        world.now_ns += (world.period_ns // 400) * (1 if k // 7 % 2 else -1)
-        point = world.step()
-        if k > 750:
-            peak = max(peak, norm(point.alpha_body))
-            worst = max(worst, angle(point.q, about(sin(pi * (world.now - 1.0)))))
-    assert peak < 1.02 * pi * pi
-    assert worst < 1e-3
-
-
-def test_a_stall_costs_no_more_than_the_limits():
-    world = ChunkWorld(LIMITS)
-    world.chunk(world.poses(world.now_ns, 60, 30, lambda t: about(0.8 * t)))
-    world.run(0.5)
-    world.now_ns += NS // 10
-    world.guard.anchor(world.guard.q, ZERO)
-    world.tracker.rest(world.guard.q)
-    world.run(0.5)
-    assert angle(world.guard.q, about(0.8 * (world.now - 1.0))) < 1e-3
 
 
 def test_a_chunk_that_begins_after_the_end_is_compared_with_the_last_pose():

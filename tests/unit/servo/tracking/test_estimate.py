@@ -8,7 +8,7 @@ from test_streams import LIMITS as HAND_LIMITS
 from test_streams import follow
 from tracking_world import NS, World, angle, servo_limits
 
-from orientd.floats import exp, multiply, norm
+from orientd.floats import exp, norm
 from orientd.servo.tracking.targets import Target
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)
@@ -72,28 +72,8 @@ def test_loss_among_few_targets_stamped_ahead_costs_no_acceleration(seed):
     assert clean < HAND_LIMITS.acceleration / 2.0
 
 
-def test_what_ceases_to_come_without_velocity_is_an_order_to_be_there():
-    world = World(LIMITS)
-    for t, _ in play(world, 60, 1.0, steady):
-        last = t
-    assert last == pytest.approx(1.0, abs=0.01)
-    world.run(0.45)
-    assert angle(world.guard.q, turned(59 / 60)) < 1e-3
-
-
 def test_a_step_without_velocity_is_not_overshot():
     world = World(LIMITS)
     points = [p for _, p in play(world, 50, 2.0, lambda t: (turned(0.3 if t > 0.5 else 0.0), None))]
     assert max(angle(point.q, turned(0.0)) for point in points) < 0.301
     assert angle(points[-1].q, turned(0.3)) < 1e-6
-
-
-def test_trembling_targets_without_velocity_do_not_make_the_device_tremble():
-    rng = random.Random(1)
-
-    def motion(_):
-        return multiply(turned(0.2), exp(tuple(rng.gauss(0.0, 3e-4) for _ in range(3)))), None
-
-    world = World(LIMITS)
-    most = max(norm(p.alpha_body) for t, p in play(world, 60, 3.0, motion) if t > 1.0)
-    assert most < 0.2 * LIMITS.acceleration

@@ -59,16 +59,6 @@ def test_targets_in_a_busy_loop_are_followed_within_a_cycle_or_so(per_cycle, has
     assert all(size <= 1.001 * getattr(TERMS, name) for name, size in found.items())
 
 
-def test_the_last_target_of_a_flood_is_where_the_device_ends():
-    rig, _ = flood(16, has_velocity=False, seconds=2.0)
-    for k in range(40):
-        time_ns = rig.clock.now_ns() + k
-        goal = exp((0.0, 0.01 * k, 0.0))
-        rig.memory.targets.publish(time_ns, time_ns + 5 * NS, *goal, *NOT_GIVEN, *NOT_GIVEN)
-    rig.run(1500)
-    assert norm(difference(rig.driver.setpoints[-1].q, exp((0.0, 0.39, 0.0)))) < 1e-6
-
-
 def test_targets_that_the_ring_has_lost_are_counted():
     rig, _ = flood(1, has_velocity=False, seconds=0.1)
     ring = rig.memory.targets
@@ -78,21 +68,6 @@ def test_targets_that_the_ring_has_lost_are_counted():
         ring.publish(time_ns, time_ns + NS, 1.0, 0.0, 0.0, 0.0, *NOT_GIVEN, *NOT_GIVEN)
     rig.run(round(ring.capacity / 20_000 / PERIOD) + 2)
     assert ring.words[LEFT_OUT_WORD] - before >= ring.capacity
-
-
-def test_a_burst_of_future_targets_is_kept():
-    rig = Rig()
-    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
-    assert rig.ask(Command.TRACK)[0] is Answer.DONE
-    begun = rig.clock.now_ns() + NS
-    for k in range(1000):
-        time_ns = begun + k * PERIOD_NS
-        q = exp((0.0, 0.0, 0.5 * (1.0 - cos(pi * k / 999))))
-        rig.memory.targets.publish(time_ns, time_ns + NS, *q, *NOT_GIVEN, *NOT_GIVEN)
-    rig.run(500)
-    assert rig.memory.targets.words[LEFT_OUT_WORD] == 0
-    rig.run(1600)
-    assert norm(difference(rig.driver.setpoints[-1].q, exp((0.0, 0.0, 1.0)))) < 1e-6
 
 
 def test_a_late_target_before_many_changes_few_in_a_cycle(monkeypatch):

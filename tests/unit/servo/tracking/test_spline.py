@@ -44,25 +44,6 @@ def test_it_is_near_the_motion_that_the_poses_sample(seed, is_given):
         assert norm(plus(knot.omega, spin(knot.time_ns / NS), -1.0)) < 5e-3
 
 
-def test_signs_of_quaternions_do_not_matter():
-    plain = knots_of(samples([k / 20 for k in range(10)]))
-    flipped = [
-        sample._replace(q=tuple(-x for x in sample.q)) if k % 3 else sample
-        for k, sample in enumerate(samples([k / 20 for k in range(10)]))
-    ]
-    for one, other in zip(plain, knots_of(flipped), strict=True):
-        assert one.omega == pytest.approx(other.omega, abs=1e-12)
-        assert one.alpha == pytest.approx(other.alpha, abs=1e-10)
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_a_few_poses_are_enough(count):
-    knots = knots_of(samples([0.1 * k for k in range(count)]))
-    assert [knot.q for knot in knots] == [normalize(tumble(0.1 * k)) for k in range(count)]
-    if count == 1:
-        assert knots[0].omega == ZERO
-
-
 def test_positions_are_met_with_continuous_acceleration():
     times = [0.0, 0.1, 0.15, 0.4, 0.5, 0.7]
     places = [(sin(3.0 * t), t, t * t) for t in times]

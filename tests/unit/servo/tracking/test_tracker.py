@@ -51,20 +51,6 @@ def test_a_steady_target_with_velocity_is_followed_without_lag(hz, limits):
     assert angle(point.q, turned(0.9 * (world.now - start))) < 1e-9
 
 
-@pytest.mark.parametrize("hz", [20, 100])
-def test_a_steady_target_without_velocity_is_followed_within_its_own_gaps_and_the_settling(hz):
-    world = World(LIMITS[0])
-    start, due, worst = world.now, world.now, 0.0
-    for _ in range(1500):
-        if world.now >= due - 1e-9:
-            world.take(turned(world.now - start), None)
-            due += 1.0 / hz
-        point = world.step()
-        if world.now > start + 1.5:
-            worst = max(worst, angle(point.q, turned(world.now - start)))
-    assert worst < 1.0 / hz + 0.035
-
-
 @pytest.mark.parametrize("rate_hz", [125, 500, 1000])
 @pytest.mark.parametrize("limits", LIMITS)
 def test_a_quarter_turn_takes_no_more_than_five_percent_over_the_least_time(limits, rate_hz):
