@@ -111,10 +111,23 @@ def brake_rate(
     )
     table = np.full((3, 4), np.inf)
     table[1:, 0] = most, most_jerk
+    return brake_rate_of(rows, step, table, range(1))
+
+
+def brake_rate_of(rows: Floats, period: float, limits: Floats, columns: range) -> float:
+    """Return the largest safe brake rate of a piece of a path that goes on at both ends, 1/s.
+
+    Args:
+        rows: three values that are not a turn and their velocities, shape ``(n, 6)``.
+        period: s.
+        limits: of each order, of the norm and the components, shape ``(orders, 4)``.
+        columns: that count: 0 is the norm.
+    """
     found = np.empty(40)
     kernels.certify(
-        *(False, np.empty(0), np.empty((0, 0)), rows, np.empty((0, 6)), len(rows)),
-        *(0, False, False, step, table, 0, 1, 1.0, *law(FASTEST_BRAKE_RATE), found),
+        *(False, np.empty(0), np.empty((0, 0)), rows, np.empty((0, 6)), len(rows), 0),
+        *(False, False, period, limits, columns.start, columns.stop, 1.0),
+        *(*law(FASTEST_BRAKE_RATE), found),
     )
     return float(found[36])
 

@@ -14,13 +14,13 @@
  * speed: bound of the velocity around.
  * size: bound of the acceleration that the device sees at any rate of the path.
  * bend: bound of the path's own: what is seen at a rate is at most its square times that.
- * full, slope: what is seen is also at most its square times the one, which holds at the rate 1, and
- *     the other times what the rate lacks.
- * along, jerk: the largest product of velocity and acceleration, without its sign, and the largest
- *     jerk that are found at the phases.
+ * full, twist, step: what is seen is also at most its square times a sum: the bound at the rate 1, and
+ *     the shares that the jerk and the steps of the acceleration can add at a lower one.
+ * cosine, jerk: of the angle between velocity and acceleration, and the largest jerk, as found at the
+ *     phases.
  * bound: a rate that the acceleration allows, whatever the directions are. */
 typedef struct {
-    double *speed, *size, *bend, *along, *jerk, *full, *slope, *bound;
+    double *speed, *size, *bend, *cosine, *jerk, *full, *twist, *step, *bound;
     index_t n;
 } points_t;
 
@@ -31,15 +31,14 @@ INLINE double root(double rest, double half, double leading) {
     return divisor > 0.0 ? rest / divisor : INFINITY;
 }
 
-/* The acceleration that is seen at a node of the law, and what its product with the velocity can be. */
+/* The acceleration that is seen at a node of the law, and its product with the velocity. */
 typedef struct { double sigma, g, seen, along; } node_t;
 
 INLINE node_t node_at(points_t at, index_t i, brake_law_t law, index_t k) {
     double sigma = law.nodes.v[k], square = sigma * sigma;
-    double own = smaller(at.bend[i], at.full[i] + (1.0 - sigma) * at.slope[i]);
-    double seen = smaller(at.size[i], square * own);
-    return (node_t){sigma, law.nodes.v[law.nodes.m + k], seen,
-                    smaller(square * at.along[i], seen * at.speed[i])};
+    double more = (1.0 - sigma) * (at.twist[i] + at.step[i] / (1.0 + sigma));
+    double seen = smaller(at.size[i], square * smaller(at.bend[i], at.full[i] + more));
+    return (node_t){sigma, law.nodes.v[law.nodes.m + k], seen, seen * at.speed[i] * at.cosine[i]};
 }
 
 /* Return whether a rate is safe at a point. */
@@ -140,12 +139,19 @@ INLINE vec_t velocity_at(const sight_t *sight, int phase, index_t point) {
     return minus(at(rates, window_of(point, 1)), times(0.5, at(rates + 1, window_of(point, 2))));
 }
 
+/* Return the first point around which the path is known: a second difference there begins behind the
+ * record after that of the point. */
+INLINE index_t first_proven(const sight_t *sight, index_t points) {
+    return least(most(sight->first - 1, 0), points);
+}
+
 /* Write what is known of all points: where the path between the records is known, what its own velocity
  * and acceleration are at most, else the differences on the records; and the jerk at the phases. */
 INLINE void put_points(const braking_t *b, int column, points_t to) {
     const sight_t *sight = b->sight;
     double u = 1.0 / b->period, u2 = u * u, u3 = u2 * u;
-    index_t begin = least(sight->first, to.n), end = most(begin, least(sight->windows[2], to.n));
+    index_t begin = first_proven(sight, to.n), known = least(sight->first, to.n);
+    index_t end = most(begin, least(sight->windows[2], to.n));
     INDEPENDENT
     for (index_t i = 0; i < to.n; i++) {
         to.speed[i] = u * size_of(velocity_at(sight, 0, i), column);
@@ -154,7 +160,7 @@ INLINE void put_points(const braking_t *b, int column, points_t to) {
     }
     for (int p = 1; p < PHASES; p++)
         INDEPENDENT
-        for (index_t i = begin; i < end; i++)
+        for (index_t i = known; i < end; i++)
             to.jerk[i] = larger(to.jerk[i], size_of(at(&sight->rates[p][2], i), column));
     INDEPENDENT
     for (index_t i = 0; i < to.n; i++)
@@ -180,21 +186,34 @@ static double closer(const braking_t *b, index_t i, index_t order, double crude,
 
 /* Write how the acceleration that is seen depends on the rate.
  *
- * A second difference is the mean of the acceleration, weighted by a hat as wide as the rate on each
- * side.  Between two rates the mean changes by at most a third of the jerk times their distance, and
- * by half of each step. */
-static void put_slope(const braking_t *b, index_t i, points_t to) {
+ * A second difference is the mean of the acceleration, weighted by a hat as wide as the rate sigma on
+ * each side.  From the rate 1 on the mean changes by at most 1 - sigma times a third of the jerk, and
+ * times 1 / (2 + 2 sigma) of each step. */
+static void put_changes(const braking_t *b, index_t i, points_t to) {
     const sight_t *sight = b->sight;
     double unit = 1.0 / (b->period * b->period), most_jerk = 0.0;
-    to.full[i] = to.bend[i], to.slope[i] = 0.0;
-    if (i < sight->first || i >= sight->windows[2])
+    to.full[i] = to.bend[i], to.twist[i] = to.step[i] = 0.0;
+    if (i < first_proven(sight, to.n) || i >= sight->windows[2])
         return;
     index_t window = window_of(i, 2);
     reach_t reach = reach_of(&sight->segments, window, 2, b->column);
     for (index_t k = window; k <= window + 2; k++)
         most_jerk = larger(most_jerk, peak_of_jerk(&sight->segments, k, b->column));
     to.full[i] = unit * (hull_behind(sight, window, 2, b->column) + 2.0 * reach.off);
-    to.slope[i] = unit * (most_jerk / 3.0 + 0.5 * reach.steps);
+    to.twist[i] = unit * most_jerk / 3.0, to.step[i] = 0.5 * unit * reach.steps;
+}
+
+/* Return how far velocity and acceleration are along each other, from 0 to 1, as found at the phases. */
+static double cosine_at(const sight_t *sight, index_t i, index_t points) {
+    bool is_known = i < sight->windows[2] && i >= first_proven(sight, points);
+    double along = 0.0, fast = 0.0, large = 0.0;
+    for (int p = 0; p < (is_known ? PHASES : 1); p++) {
+        vec_t v = velocity_at(sight, p, i), a = at(sight->rates[p] + 1, window_of(i, 2));
+        along = larger(along, fabs(dot(v, a)));
+        fast = larger(fast, norm(v)), large = larger(large, norm(a));
+    }
+    double most_along = fast * large;
+    return along < most_along ? along / most_along : 1.0;
 }
 
 /* Look at a point more closely, which might set the rate. */
@@ -204,13 +223,8 @@ static void look_at(const braking_t *b, index_t i, points_t to) {
     /* At a rate below 1 the difference around this place may end in the period before. */
     to.size[i] = larger(closer(b, window_of(i, 2), 2, to.bend[i], u * u),
                         closer(b, most(window_of(i, 2) - 1, 0), 2, to.bend[i], u * u));
-    double along = 0.0;
-    for (int p = 0; p < (i < sight->windows[2] && i >= sight->first ? PHASES : 1); p++) {
-        const lanes_t *rates = sight->rates[p];
-        along = larger(along, fabs(dot(velocity_at(sight, p, i), at(rates + 1, window_of(i, 2)))));
-    }
-    put_slope(b, i, to);
-    to.along[i] = b->column ? to.speed[i] * to.size[i] : u * u * u * along;
+    put_changes(b, i, to);
+    to.cosine[i] = b->column ? 1.0 : cosine_at(sight, i, to.n);
 }
 
 /* Lower the brake rate to the least that is safe for a column.
@@ -242,8 +256,8 @@ static void brake_column(const braking_t *b, points_t at, brake_law_t law, index
 
 void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,
            extremes_t *found) {
-    lane_t rows[8];
-    points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7],
+    lane_t rows[9];
+    points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7], rows[8],
                    most(sight->counts[2], 0)};
     for (int column = how->first; column < how->end && at.n; column++) {
         double jerk = how->limits.n < 3 ? INFINITY : row_of(how->limits, 2)[column];

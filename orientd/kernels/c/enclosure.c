@@ -59,7 +59,7 @@ INLINE vec_t turn_between(bool is_turn, quat_t p, quat_t q) {
     return times(2.0, logarithm(shorter(turn)));
 }
 
-/* What differences are made of: the first ones of the setpoints, and these. */
+/* Weights of the first differences in one of an order, and of the setpoints. */
 static const double STEP_WEIGHTS[3][3] = {{1, 0, 0}, {1, -1, 0}, {1, -2, 1}};
 static const double WEIGHTS[3][4] = {{1, -1, 0, 0}, {1, -2, 1, 0}, {1, -3, 3, -1}};
 

@@ -29,8 +29,8 @@ All of them are proven for every phase, and for every rate up to the one in ques
 - the certified bound of the differences there;
 - :math:`\sigma^2` times the largest acceleration of the path around;
 - :math:`\sigma^2` times a sum: the bound for the rate 1, plus :math:`1 - \sigma` times a third of
-  the jerk and half of the steps of the acceleration.  A second difference is a mean of the
-  acceleration, weighted with a hat.  This is by how much a narrower hat can change the mean.
+  the jerk and :math:`1 / (2 + 2 \sigma)` of the steps of the acceleration.  A second difference is
+  a mean of the acceleration, weighted with a hat.  A narrower hat can change it by that much.
 
 The velocity is its largest value in the period.  The angle between both, and the jerk, are those at
 the record and at three phases behind it.  The position and the axes of the device obey the same

@@ -41,7 +41,7 @@ import numpy as np
 
 from orientd import kernels
 from orientd.driver import AxisLimits
-from orientd.errors import LimitKind
+from orientd.errors import LimitKind, PlanError
 from orientd.mechanism.joint_path import AxisPeak
 from orientd.model.limits import ANGULAR, Limits
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, law
@@ -243,6 +243,9 @@ def measure(
         tolerance: factor of the limits up to which the path may brake, for a certificate.  With 0
             there is no certificate, and differences are sampled.
         axes: of the device, at the same records.
+
+    Raises:
+        PlanError: an angle or a velocity of an axis is not a number.
     """
     if rests is None:
         rests = (path.begins_at_rest, True) if isinstance(path, Path) else (False, True)
@@ -320,7 +323,16 @@ def _plain_before(values: Floats, rates: Floats | None = None) -> Floats:
 
 
 def _axis_peaks(how: _Measure, axes: AxisRecords) -> Iterator[AxisPeak]:
-    """Yield the peaks of the axes, up to three of which share a channel."""
+    """Yield the peaks of the axes, up to three of which share a channel.
+
+    Raises:
+        PlanError: an angle or a velocity of an axis is not a number.
+    """
+    is_number = np.isfinite(axes.joints) & np.isfinite(axes.rates)
+    if not is_number.all():
+        record, place = np.argwhere(~is_number)[0].tolist()
+        name, time = axes.limits[place].name, record * how.period
+        raise PlanError(f"the angle or velocity of {name} is not a number at {time:.4f} s")
     past = _rates_before(axes) / how.period
     for first in range(0, len(axes.limits), _MOST_AXES):
         of = axes.limits[first : first + _MOST_AXES]

@@ -4,9 +4,10 @@ import os
 
 import numpy as np
 import pytest
+from reference.differences import brake_rate_of
 
 from orientd.driver import AxisLimits
-from orientd.errors import LimitKind
+from orientd.errors import LimitKind, PlanError
 from orientd.model.limits import Limits
 from orientd.planner.certify.measuring import STATE, AxisRecords, measure
 
@@ -149,3 +150,39 @@ def test_axes_keep_their_acceleration_at_every_rate_and_change_of_it(rough):
             found = np.abs(c - 2.0 * b + a).max(axis=0) / period**2
             largest = max(largest, float(np.max(found / most)))
     assert 0.95 < largest <= 1.0
+
+
+ENDS = [(3.1, -1.58), (2.39, 2.61), (-2.9, -2.79), (2.29, 2.33), (-0.22, -1.63)]
+"""Accelerations at the beginning and the end of periods of 20 ms, rad/s^2."""
+
+
+def test_an_axis_that_accelerates_most_at_a_lower_rate_is_braked_for_that():
+    """At the full rate, differences average steps at neighbouring records away."""
+    period, most = 0.02, 2.88
+    begins, ends = np.array([*ENDS, (3.11, -0.86), (0.97, -0.55), (1.4, -0.21), (0.96, -2.57)]).T
+    speeds = 32.425 + np.concatenate([[0.0], np.cumsum(0.5 * period * (begins + ends))])
+    ways = period * (speeds[:-1] + period * (begins / 3.0 + ends / 6.0))
+    rows = np.zeros((10, 6))
+    rows[:, 0], rows[:, 3] = np.concatenate([[0.0], np.cumsum(ways)]), speeds
+    table = np.full((2, 4), np.inf)
+    table[1, 1] = most
+    brake = brake_rate_of(rows, period, table, range(1, 2))
+    assert brake > 0.02
+    middles = np.arange(2.0, 7.0, 0.125)[:, None]
+    rates = np.linspace(0.3, 0.99, 70)
+    change = np.minimum(2.0, np.sqrt(8.0 * np.minimum(rates, 1.0 - rates)))
+    for by in (0.5 * brake * period * change, -0.5 * brake * period * change):
+        first, middle, last = (
+            along(rows[:, :1], rows[:, 3:4], period, middles + part)
+            for part in (by - rates, 0.0 * rates, rates + by)
+        )
+        assert np.abs(first + last - 2.0 * middle).max() / period**2 <= most
+
+
+def test_an_axis_that_is_no_number_is_refused_by_its_name():
+    values, speeds = walk(1, 4, 0.01, rough=False)
+    for broken in (values, speeds):
+        kept, broken[30, 1] = broken[30, 1], np.nan
+        with pytest.raises(PlanError, match=r"axis 1 is not a number at 0\.3000 s"):
+            certified(values, speeds, 0.01, axes_like(4))
+        broken[30, 1] = kept
