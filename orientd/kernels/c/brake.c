@@ -16,11 +16,11 @@
  * bend: bound of the path's own: what is seen at a rate is at most its square times that.
  * full, twist, step: what is seen is also at most its square times a sum: the bound at the rate 1, and
  *     the shares that the jerk and the steps of the acceleration can add at a lower one.
- * cosine, jerk: of the angle between velocity and acceleration, and the largest jerk, as found at the
- *     phases.
+ * along, jerk: the largest product of velocity and acceleration of the norm, without its sign, and the
+ *     largest jerk, as found at the phases.
  * bound: a rate that the acceleration allows, whatever the directions are. */
 typedef struct {
-    double *speed, *size, *bend, *cosine, *jerk, *full, *twist, *step, *bound;
+    double *speed, *size, *bend, *along, *jerk, *full, *twist, *step, *bound;
     index_t n;
 } points_t;
 
@@ -38,7 +38,8 @@ INLINE node_t node_at(points_t at, index_t i, brake_law_t law, index_t k) {
     double sigma = law.nodes.v[k], square = sigma * sigma;
     double more = (1.0 - sigma) * (at.twist[i] + at.step[i] / (1.0 + sigma));
     double seen = smaller(at.size[i], square * smaller(at.bend[i], at.full[i] + more));
-    return (node_t){sigma, law.nodes.v[law.nodes.m + k], seen, seen * at.speed[i] * at.cosine[i]};
+    return (node_t){sigma, law.nodes.v[law.nodes.m + k], seen,
+                    smaller(square * at.along[i], seen * at.speed[i])};
 }
 
 /* Return whether a rate is safe at a point. */
@@ -139,19 +140,12 @@ INLINE vec_t velocity_at(const sight_t *sight, int phase, index_t point) {
     return minus(at(rates, window_of(point, 1)), times(0.5, at(rates + 1, window_of(point, 2))));
 }
 
-/* Return the first point around which the path is known: a second difference there begins behind the
- * record after that of the point. */
-INLINE index_t first_proven(const sight_t *sight, index_t points) {
-    return least(most(sight->first - 1, 0), points);
-}
-
 /* Write what is known of all points: where the path between the records is known, what its own velocity
  * and acceleration are at most, else the differences on the records; and the jerk at the phases. */
 INLINE void put_points(const braking_t *b, int column, points_t to) {
     const sight_t *sight = b->sight;
     double u = 1.0 / b->period, u2 = u * u, u3 = u2 * u;
-    index_t begin = first_proven(sight, to.n), known = least(sight->first, to.n);
-    index_t end = most(begin, least(sight->windows[2], to.n));
+    index_t begin = least(sight->first, to.n), end = most(begin, least(sight->windows[2], to.n));
     INDEPENDENT
     for (index_t i = 0; i < to.n; i++) {
         to.speed[i] = u * size_of(velocity_at(sight, 0, i), column);
@@ -160,7 +154,7 @@ INLINE void put_points(const braking_t *b, int column, points_t to) {
     }
     for (int p = 1; p < PHASES; p++)
         INDEPENDENT
-        for (index_t i = known; i < end; i++)
+        for (index_t i = begin; i < end; i++)
             to.jerk[i] = larger(to.jerk[i], size_of(at(&sight->rates[p][2], i), column));
     INDEPENDENT
     for (index_t i = 0; i < to.n; i++)
@@ -193,7 +187,7 @@ static void put_changes(const braking_t *b, index_t i, points_t to) {
     const sight_t *sight = b->sight;
     double unit = 1.0 / (b->period * b->period), most_jerk = 0.0;
     to.full[i] = to.bend[i], to.twist[i] = to.step[i] = 0.0;
-    if (i < first_proven(sight, to.n) || i >= sight->windows[2])
+    if (i < sight->first || i >= sight->windows[2])
         return;
     index_t window = window_of(i, 2);
     reach_t reach = reach_of(&sight->segments, window, 2, b->column);
@@ -203,17 +197,13 @@ static void put_changes(const braking_t *b, index_t i, points_t to) {
     to.twist[i] = unit * most_jerk / 3.0, to.step[i] = 0.5 * unit * reach.steps;
 }
 
-/* Return how far velocity and acceleration are along each other, from 0 to 1, as found at the phases. */
-static double cosine_at(const sight_t *sight, index_t i, index_t points) {
-    bool is_known = i < sight->windows[2] && i >= first_proven(sight, points);
-    double along = 0.0, fast = 0.0, large = 0.0;
-    for (int p = 0; p < (is_known ? PHASES : 1); p++) {
-        vec_t v = velocity_at(sight, p, i), a = at(sight->rates[p] + 1, window_of(i, 2));
-        along = larger(along, fabs(dot(v, a)));
-        fast = larger(fast, norm(v)), large = larger(large, norm(a));
-    }
-    double most_along = fast * large;
-    return along < most_along ? along / most_along : 1.0;
+/* Return the largest product of velocity and acceleration, without its sign, at the phases. */
+static double along_at(const sight_t *sight, index_t i, double period) {
+    double along = 0.0, unit = 1.0 / (period * period * period);
+    for (int p = 0; p < (i < sight->windows[2] && i >= sight->first ? PHASES : 1); p++)
+        along = larger(along, fabs(dot(velocity_at(sight, p, i),
+                                       at(sight->rates[p] + 1, window_of(i, 2)))));
+    return unit * along;
 }
 
 /* Look at a point more closely, which might set the rate. */
@@ -224,7 +214,7 @@ static void look_at(const braking_t *b, index_t i, points_t to) {
     to.size[i] = larger(closer(b, window_of(i, 2), 2, to.bend[i], u * u),
                         closer(b, most(window_of(i, 2) - 1, 0), 2, to.bend[i], u * u));
     put_changes(b, i, to);
-    to.cosine[i] = b->column ? 1.0 : cosine_at(sight, i, to.n);
+    to.along[i] = b->column ? INFINITY : along_at(sight, i, b->period);
 }
 
 /* Lower the brake rate to the least that is safe for a column.

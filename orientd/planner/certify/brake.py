@@ -32,10 +32,10 @@ All of them are proven for every phase, and for every rate up to the one in ques
   the jerk and :math:`1 / (2 + 2 \sigma)` of the steps of the acceleration.  A second difference is
   a mean of the acceleration, weighted with a hat.  A narrower hat can change it by that much.
 
-The velocity is its largest value in the period.  The angle between both, and the jerk, are those at
-the record and at three phases behind it.  The position and the axes of the device obey the same
-inequalities with their own velocity, acceleration and limits.  An axis has no angle, so only the
-jerk is sampled.
+The velocity is its largest value in the period.  The product of both vectors at the full rate, and
+the jerk, are those at the record and at three phases behind it.  The position and the axes of the
+device obey the same inequalities with their own velocity, acceleration and limits.  For an axis and
+for a component the product is that of the bounds, so only the jerk is sampled.
 
 The servo usually stops two to ten times as fast (:mod:`orientd.servo.path.quick_stop`).  The
 uniform rate is needed because it requires no prediction.  It is certified for every point, for

@@ -19,7 +19,7 @@ These are *sampled* only, at the records and three phases between them, at most 
 apart:
 
 - periods in which the path turns by more than 0.5 rad, which the certificate notes;
-- the jerk that the brake rate uses, and the angle between velocity and acceleration;
+- the jerk that the brake rate uses, and the product of the vectors of velocity and acceleration;
 - all values of a plan without a certificate.
 
 The turn of the tool is one *channel* of the certificate.  The position is another, and so is each
