@@ -26,7 +26,7 @@ _RISE = 5.0
 
 At a sharper corner the curve between two records would exceed it.
 """
-_KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
+KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
 UNITS = {
     LimitKind.VELOCITY: "rad/s",
     LimitKind.ACCELERATION: "rad/s^2",
@@ -165,7 +165,7 @@ def axis_peaks(
     sizes = [np.abs(one) for one in rates(joints, period, before, order=3)]
     for place, axis in enumerate(axes):
         limits = axis.velocity, axis.acceleration, axis.jerk
-        for kind, size, limit in zip(_KINDS, sizes, limits, strict=True):
+        for kind, size, limit in zip(KINDS, sizes, limits, strict=True):
             if kind is LimitKind.JERK and math.isinf(limit):
                 continue
             at = int(np.argmax(size[:, place]))
@@ -174,7 +174,7 @@ def axis_peaks(
 
 def excess_of(peaks: Iterable[AxisPeak]) -> float:
     """Return the factor by which the path of *peaks* must take longer to keep the limits."""
-    shares = [((one.value / one.limit), 1 + _KINDS.index(one.kind)) for one in peaks]
+    shares = [((one.value / one.limit), 1 + KINDS.index(one.kind)) for one in peaks]
     return max(float(share ** (1.0 / order)) for share, order in shares)
 
 

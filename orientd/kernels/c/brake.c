@@ -167,15 +167,15 @@ INLINE void put_points(const braking_t *b, int column, points_t to) {
     }
 }
 
-/* Return a bound of a difference that holds at any rate: the least that is known. */
-static double closer(const braking_t *b, index_t i, index_t order, double crude, double unit) {
+/* Return the least bound that is known of a second difference at any rate, or a given one. */
+static double closer(const braking_t *b, index_t i, double crude) {
     const sight_t *sight = b->sight;
-    if (i < sight->first || i >= sight->windows[order - 1])
+    if (i < sight->first || i >= sight->windows[1])
         return crude;
-    double bound = sight->proven[4 * (order - 1) + b->column][i];
-    if (grows(sight, i, order, b->column))
-        bound = smaller(bound, hull_behind(sight, i, order, b->column));
-    return smaller(crude, unit * bound);
+    double bound = sight->proven[4 + b->column][i];
+    if (grows(sight, i, 2, b->column))
+        bound = smaller(bound, hull_behind(sight, i, 2, b->column));
+    return smaller(crude, bound / (b->period * b->period));
 }
 
 /* Write how the acceleration that is seen depends on the rate.
@@ -208,13 +208,12 @@ static double along_at(const sight_t *sight, index_t i, double period) {
 
 /* Look at a point more closely, which might set the rate. */
 static void look_at(const braking_t *b, index_t i, points_t to) {
-    const sight_t *sight = b->sight;
-    double u = 1.0 / b->period;
+    index_t window = window_of(i, 2);
     /* At a rate below 1 the difference around this place may end in the period before. */
-    to.size[i] = larger(closer(b, window_of(i, 2), 2, to.bend[i], u * u),
-                        closer(b, most(window_of(i, 2) - 1, 0), 2, to.bend[i], u * u));
+    to.size[i] = larger(closer(b, window, to.bend[i]),
+                        closer(b, most(window - 1, 0), to.bend[i]));
     put_changes(b, i, to);
-    to.along[i] = b->column ? INFINITY : along_at(sight, i, b->period);
+    to.along[i] = b->column ? INFINITY : along_at(b->sight, i, b->period);
 }
 
 /* Lower the brake rate to the least that is safe for a column.

@@ -67,8 +67,8 @@ typedef struct { matrix_t nodes; row_t worst; double most_change, fastest, margi
 
 /* What is looked for.
  *
- * limits: of velocity, acceleration and, unless it counts not, jerk: norm and components, shape
- *     (orders, 4).
+ * limits: of velocity, acceleration and jerk, of which the last may be left out: norm and components,
+ *     shape (orders, 4).
  * first, end: the columns that count: the norm is 0, the components are 1 to 3.
  * tolerance: factor to the limits up to which a path may be braked; 0 for no certificate: then
  *     differences are taken at the phases alone, and nothing is said of stops. */

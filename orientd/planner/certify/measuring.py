@@ -42,7 +42,7 @@ import numpy as np
 from orientd import kernels
 from orientd.driver import AxisLimits
 from orientd.errors import LimitKind, PlanError
-from orientd.mechanism.joint_path import AxisPeak
+from orientd.mechanism.joint_path import KINDS, AxisPeak
 from orientd.model.limits import ANGULAR, Limits
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, law
 from orientd.planner.certify.certificate import Peak
@@ -57,7 +57,6 @@ _TURN = 10  # the first of them, which are about the turn
 _EXTREMES = 40  # numbers of ``extremes_t`` in ``kernels/c/certify.h``
 _MOST_AXES = 3  # that one channel holds
 _NO_PATH = np.empty(0), np.empty((0, 0))
-_KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
 
 
 class AxisRecords(NamedTuple):
@@ -308,18 +307,15 @@ def _position_of(path: Path | Floats, before: tuple[Floats, Floats] | None) -> _
             pieces[0, :3] = positions.first
         else:
             breaks, pieces = positions.breaks, positions.coefficients.reshape(-1, 18)
-        return _Channel(False, breaks, pieces, np.empty((0, 6)), _plain_before(places))
+        return _Channel(False, breaks, pieces, np.empty((0, 6)), _places_before(places))
     rows = np.ascontiguousarray(path[:, _TURN:])
-    return _Channel(False, *_NO_PATH, rows, _plain_before(places))
+    return _Channel(False, *_NO_PATH, rows, _places_before(places))
 
 
-def _plain_before(values: Floats, rates: Floats | None = None) -> Floats:
-    """Return setpoints before a path that are not turns: values and their velocities."""
-    if rates is None:
-        # They are known if the device held there.
-        known = 0.0 if (values == values[:1]).all() else np.nan
-        rates = np.full(values.shape, known)
-    return np.concatenate([values, rates], axis=1)
+def _places_before(places: Floats) -> Floats:
+    """Return positions before a path with their velocities, known if the device held there."""
+    velocity = 0.0 if (places == places[:1]).all() else np.nan
+    return np.concatenate([places, np.full(places.shape, velocity)], axis=1)
 
 
 def _axis_peaks(how: _Measure, axes: AxisRecords) -> Iterator[AxisPeak]:
@@ -351,7 +347,7 @@ def _axis_peaks(how: _Measure, axes: AxisRecords) -> Iterator[AxisPeak]:
         channel = _Channel(False, *_NO_PATH, rows, before)
         peaks = how.peaks(channel, table, range(1, 1 + len(of)), (False, True))
         for column, axis in enumerate(of, 1):
-            for order, kind in enumerate(_KINDS[:orders]):
+            for order, kind in enumerate(KINDS[:orders]):
                 if kind is not LimitKind.JERK or math.isfinite(axis.jerk):
                     peak = peaks[order, column]
                     yield AxisPeak(kind, axis, peak.value, peak.limit, peak.time)
