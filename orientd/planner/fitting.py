@@ -1,6 +1,6 @@
 """Plans on the path that the axes of a device can follow, as fast as the axes allow.
 
-A motion of an arm from rest is timed for the tool and its axes at once, and so is one of a gimbal
+A motion of an arm is timed for the tool and its axes at once, and so is one of a gimbal from rest
 away from its poles.
 
 Other motions are planned for the tool first.  If the axes cannot follow a path and the user set no
@@ -147,17 +147,19 @@ class Fitting:
         raise refusal
 
     def _at_once(self, request: MotionRequest, tool: Motion | None) -> Motion | None:
-        """Return the motion from rest that is timed for tool and axes at once, if they can follow.
+        """Return the motion that is timed for tool and axes at once, if they can follow it.
 
         Near a pole the axes of a gimbal may leave its path.
 
         Args:
             tool: the motion for the tool alone, of a gimbal.
         """
-        if not self.joints or not self.start.is_at_rest:
+        if not self.joints:
             return None
-        if tool is not None and (request.times is not None or self._is_near_pole(tool)):
-            return None
+        if tool is not None:
+            is_moving, is_timed = not self.start.is_at_rest, request.times is not None
+            if is_moving or is_timed or self._is_near_pole(tool):
+                return None
         try:
             found = self.fitted(self.planned(request, Axes(self.mechanism, self.joints)))
         except PlanError:

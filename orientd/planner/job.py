@@ -18,6 +18,7 @@ from orientd.planner import refusal
 from orientd.planner.certify.certificate import Certificate
 from orientd.planner.certify.measuring import STATE, AxisRecords, measure
 from orientd.planner.certify.summary import before, summed_up, summed_up_axes
+from orientd.planner.connect.axis_leads import followed
 from orientd.planner.connect.leads import (
     MOST_SHARE,
     SAME_PLACE,
@@ -295,29 +296,47 @@ class PlanJob:
         Raises:
             PlanError: no lead-in keeps the limits.
         """
-        if self.axes is not None and start.is_at_rest:
-            near = near or self.axes.joints
-            turn, move = angle(start.q, end.q), end.position - start.position
-            is_elsewhere = max(float(turn), float(np.linalg.norm(move))) > SAME_PLACE
-            if is_elsewhere and is_still(end.omega_body, end.alpha_body, self.limits):
+        find = partial(self._lead_of_tool, start, end, share, is_direct)
+        if self.axes is None:
+            return find()
+        near, refusal = near or self.axes.joints, None
+        turn, move = angle(start.q, end.q), end.position - start.position
+        is_elsewhere = max(float(turn), float(np.linalg.norm(move))) > SAME_PLACE
+        is_rested = start.is_at_rest and is_still(end.omega_body, end.alpha_body, self.limits)
+        if is_rested and is_elsewhere:
+            try:
                 return self._straight_lead(start, end, near)
+            except PlanError as error:
+                # The lead of the tool alone turns and moves at paces of their own, and may pass.
+                refusal = error
+        try:
+            return followed(find, self.axes, near, self.limits, self.period)
+        except PlanError as error:
+            raise refusal or error from None
+
+    def _lead_of_tool(
+        self, start: State, end: State, share: float, is_direct: bool, pace: float = 1.0
+    ) -> LeadIn:
+        """Return the lead-in of the tool alone, at a share of its pace."""
+        limits, own = self.limits, self.own
+        if pace < 1.0:
+            limits, own = limits.slowed(pace), own.slowed(pace)
         find = partial(
             lead_in,
             start,
             end,
-            limits=self.limits,
-            own=self.own.with_reserve(self.share),
+            limits=limits,
+            own=own.with_reserve(self.share),
             period=self.period,
             share=self.share_from(start, share),
             is_even=self.is_even,
         )
         try:
-            found = find(is_direct=is_direct)
+            return find(is_direct=is_direct)
         except PlanError:
             if is_direct or not start.is_at_rest:
                 raise
-            found = find(is_direct=True)
-        return replace(found, joints=near)
+            return find(is_direct=True)
 
     def straight(self, start: State, end: State, near: Joints = ()) -> tuple[KeyframePath, Joints]:
         """Return the fastest straight way from rest to rest elsewhere, and the axes at its end.

@@ -32,7 +32,7 @@ The more of an acceleration it uses, the longer stops on the path take.  The res
 cubic between two records, which overshoots where the acceleration of a joint jumps.
 """
 
-_RISE = 2.0
+RISE = 2.0
 """Fewest periods in which an axis reaches its acceleration.
 
 Setpoints between two records are poses, or cubics of the joints.  Both differ where an acceleration
@@ -109,7 +109,13 @@ class Axes:
     joints: Joints
 
     def along(
-        self, path: KeyframePath, near: Joints, tool: Limits, period: float, share: float = SHARE
+        self,
+        path: KeyframePath,
+        near: Joints,
+        tool: Limits,
+        period: float,
+        share: float = SHARE,
+        rise: float = RISE,
     ) -> AxisPath:
         """Return the angles along a path, sampled until their accelerations do not change any more.
 
@@ -119,6 +125,7 @@ class Axes:
             tool: limits of the tool, which bound the pace.
             period: of the device, s.
             share: of accelerations and jerks that the timing uses.
+            rise: fewest periods in which an axis reaches its acceleration.
 
         Raises:
             PlanError: the axes cannot go along it, at whatever pace.
@@ -132,7 +139,7 @@ class Axes:
         return AxisPath(
             np.concatenate([*breaks, path.trajectory.knots[-1:]]),
             np.ascontiguousarray(np.concatenate(pieces)),
-            _limits(self.mechanism.axes, share, period),
+            _limits(self.mechanism.axes, share, rise * period),
             near,
         )
 
@@ -178,13 +185,13 @@ def _most_square(
     return found
 
 
-def _limits(axes: Sequence[AxisLimits], share: float, period: float) -> Floats:
-    """Return the limits of the timing, shape ``(3, axes)``."""
+def _limits(axes: Sequence[AxisLimits], share: float, rise: float) -> Floats:
+    """Return the limits of a timing in which an acceleration takes *rise* seconds to come."""
     return np.array(
         [
             [VELOCITY_SHARE * axis.velocity for axis in axes],
             [share * axis.acceleration for axis in axes],
-            [share * min(axis.jerk, axis.acceleration / (_RISE * period)) for axis in axes],
+            [share * min(axis.jerk, axis.acceleration / rise) for axis in axes],
         ]
     )
 

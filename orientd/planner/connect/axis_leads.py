@@ -1,0 +1,97 @@
+"""Leads from a motion that the axes of a device can follow.
+
+The connector of a tool uses the limits of the tool to the full from the beginning on, and leaves an
+axis no room to be slower.  So only its way counts here: it is timed for tool and axes at once, from
+the velocity that both have.  The connector at a lower pace has a longer way, on which there is more
+room.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from orientd.curves.trajectory import Trajectory
+from orientd.driver import Joints
+from orientd.errors import PlanError
+from orientd.model.limits import Limits
+from orientd.planner.connect.connector import hold
+from orientd.planner.connect.leads import LeadIn
+from orientd.planner.path import end_states
+from orientd.planner.timing.axes import Axes
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.profiles import quickest
+from orientd.rotation import Floats
+
+_PACES = np.geomspace(1.0, 0.12, 7)
+"""Shares of the tool's pace, each for another way."""
+
+_SHARE = 0.95
+"""Share of the acceleration and jerk of an axis: a device that brakes as a timing does has room."""
+
+_RISE = 1.0
+"""Fewest periods in which an axis reaches its acceleration, since it may have some already."""
+
+_ELEMENT = 20.0  # longest interval of the mesh, periods: connectors change quickly at their ends
+_WHOLE = 1e-9  # of a period
+
+
+def followed(
+    find: Callable[[float], LeadIn], axes: Axes, near: Joints, limits: Limits, period: float
+) -> LeadIn:
+    """Return a lead on the first way on which the axes can keep their limits.
+
+    Args:
+        find: returns the lead of the tool alone, at a share of its pace.
+        axes: of the device.
+        near: their angles where it begins, rad.
+        limits: of the tool.
+        period: of the device, s.
+
+    Raises:
+        PlanError: the axes cannot follow any of them; the refusal is that of the shortest.
+    """
+    refusal: PlanError | None = None
+    for pace in _PACES.tolist():
+        try:
+            return _timed(find(pace), axes, near, limits, period)
+        except PlanError as error:
+            refusal = refusal or error
+    raise refusal or ValueError("there must be a pace")
+
+
+def _timed(lead: LeadIn, axes: Axes, near: Joints, limits: Limits, period: float) -> LeadIn:
+    """Return the same way, timed for the axes; one to a moving end keeps its pace.
+
+    Raises:
+        PlanError: the axes cannot follow it, or the limits allow no timing.
+    """
+    if not lead.parts:
+        return replace(lead, joints=near)
+    whole = Trajectory.joined(lead.parts)
+    path = KeyframePath(whole, lead.positions, np.array([0.0, whole.duration]))
+    along = axes.along(path, near, limits, period, _SHARE, _RISE)
+    if not path.held_ends(limits)[1]:
+        if along.excess(period) > 1.0:
+            raise PlanError("the axes cannot follow the tool to a moving end")
+        return replace(lead, joints=along.end)
+    finer = replace(whole, knots=_finer(whole.knots, _ELEMENT * period))
+    timed = quickest(replace(path, trajectory=finer), limits, period, axes=along)
+    cycles = math.ceil(timed.duration / period - _WHOLE)
+    rest, parts = cycles * period - timed.duration, [timed.trajectory]
+    if rest > _WHOLE * period:
+        q = end_states(timed.trajectory)[1].q
+        parts.append(hold(np.ascontiguousarray(q), rest).shifted(timed.duration))
+    return LeadIn(tuple(parts), cycles, timed.positions, along.end)
+
+
+def _finer(knots: Floats, widest: float) -> Floats:
+    """Return the knots with others between them, at most *widest* apart."""
+    counts = np.ceil(np.diff(knots) / widest).astype(int).tolist()
+    spans = zip(pairwise(knots.tolist()), counts, strict=True)
+    inner = [np.linspace(*span, count, endpoint=False) for span, count in spans]
+    return np.concatenate([*inner, knots[-1:]])
