@@ -321,8 +321,7 @@ class Servo:
         if fields is None:
             # Still being written; or more stops than fit, while the driver was busy.
             if self._taken < (oldest := ring.oldest(self._taken)):
-                self._taken = oldest
-                self.setpoints.stop()
+                self._pass_over(oldest)
             return
         if fields[1] in _LETTING_GO and self.setpoints.is_coming_to_rest:
             return  # until the next cycle, in which the device stands
@@ -340,6 +339,16 @@ class Servo:
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             answer, text = Answer.FAILED, str(error) or type(error).__name__
         self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
+
+    def _pass_over(self, oldest: int) -> None:
+        """Stop, and answer the commands before *oldest*, which newer ones have overwritten."""
+        notes = self._memory.notes
+        text = f"more than {self._memory.commands.capacity} commands waited; send it again"
+        # The ring of notes keeps the latest of these answers, and the notes before them.
+        for index in range(max(self._taken, oldest - notes.capacity // 2), oldest):
+            notes.publish(*pack_note(index, NoteKind.ANSWER, Answer.FAILED, text))
+        self._taken = oldest
+        self.setpoints.stop()
 
     def _take_stops(self, stop_socket: StopSocket) -> None:
         """Stop if a client asks for it, and answer with the state that the stop met."""

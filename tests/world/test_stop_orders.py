@@ -161,3 +161,21 @@ def test_in_whatever_order_all_stand_still_the_device_rests_on_its_path(tmp_path
         print(*live(life, order, rng))
     finally:
         life.daemon.end()
+
+
+def test_a_command_to_a_servo_that_stands_still_is_answered_when_it_goes_on(tmp_path):
+    """The daemon tells the servo to stop all that time, and that displaces no other command."""
+    with DaemonProcess(tmp_path) as daemon:
+        moving = daemon.move(nudge(0.8))
+        until(lambda: daemon.device().path_time > 0.2, "the motion")
+        servo = daemon.device().servo_pid
+        os.kill(servo, signal.SIGSTOP)
+        moving.cancel()
+        time.sleep(0.1)
+        command = pb.CommandRequest(lease_token=daemon.token, device=DEVICE)
+        enabling = daemon.stub.Enable.future(command, timeout=5.0)
+        time.sleep(0.3)
+        os.kill(servo, signal.SIGCONT)
+        enabling.result()
+        *_, last = daemon.move(nudge(-0.4))
+    assert last.summary.outcome == pb.OUTCOME_DONE

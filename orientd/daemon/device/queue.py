@@ -74,6 +74,7 @@ class MotionQueue:
         self._shown: QueuedMotion | None = None
         self._tuned: Mapping[str, Any] = {}
         self._meters: list[MotionMeter] = []
+        self._braked = UNKNOWN  # the newest cycle when the servo was last told to brake
 
     def restart(self) -> None:
         """Clear the state for a new servo process, which has no motion."""
@@ -463,8 +464,18 @@ class MotionQueue:
         passed, self._motions = self._motions[:place], self._motions[place:]
         self._let_go(passed)
         if self._motions and self.first.reason and cycle.state is ServoState.STREAMING:
-            self._servo.brake()
+            self._brake(cycle)
         return passed
+
+    def _brake(self, cycle: Cycle) -> None:
+        """Tell the servo to stop on its path, once for each of its cycles.
+
+        The servo takes one command in each.  More stops would displace other commands while it
+        stands still, and delay them afterwards.
+        """
+        if cycle.index != self._braked:
+            self._braked = cycle.index
+            self._servo.brake()
 
     def clear(self) -> list[QueuedMotion]:
         """Take out all queued motions, and return them."""

@@ -163,3 +163,28 @@ def test_more_commands_than_there_is_room_for_stop_a_motion_and_leave_the_servo_
     assert rig.ask(Command.SPEED, speed=0.5)[0] is Answer.WRONG_STATE
     rig.run(5000)
     assert (rig.cycle.state, rig.cycle.fault) == (ServoState.HOLDING, Fault.NONE)
+
+
+def test_a_command_that_newer_ones_overwrite_is_answered():
+    rig, _ = moving()
+    ring = rig.memory.commands
+    lost = ring.head
+    for _ in range(ring.capacity + 1):
+        ring.publish(Command.SPEED, 1, 0, UNKNOWN, UNKNOWN, UNKNOWN, 1.0, *TERMS.floats())
+    rig.run()
+    answer = rig.notes(NoteKind.ANSWER)[-1]
+    assert (answer.command, answer.code) == (lost, Answer.FAILED)
+    assert answer.text == "more than 16 commands waited; send it again"
+    rig.run()
+    assert rig.notes(NoteKind.ANSWER)[-1].command == lost + 1
+
+
+def test_the_answers_to_many_overwritten_commands_leave_the_notes_before_them():
+    rig = Rig()
+    rig.servo.setpoints.brake(Fault.DEVICE_FAULT, "tried")
+    ring = rig.memory.commands
+    for _ in range(2 * rig.memory.notes.capacity):
+        ring.publish(Command.STOP, 0, 0, UNKNOWN, UNKNOWN, 0, 0.0, *TERMS.floats())
+    rig.run()
+    (fault,) = rig.notes(NoteKind.FAULT)
+    assert fault.text == "tried"
