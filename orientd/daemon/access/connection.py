@@ -47,6 +47,9 @@ LARGE = 32 * 1024
 MOST_HELD = 24 * 1024 * 1024
 """Bytes of large messages over one connection whose calls may wait for their answers."""
 
+_BYTE_TAKES = 2.5e-9
+"""s that a byte of a large message keeps the event loop busy: to be read, and to be handed on."""
+
 MOST_UNREAD = 16 * 1024 * 1024
 """Bytes that wait for a client to read them; the daemon hangs up on a client that asks for more."""
 
@@ -69,15 +72,22 @@ _TIMEOUT_BYTES = 9  # eight digits and a unit: no more is a timeout of gRPC
 logging.getLogger("grpclib").setLevel(logging.CRITICAL)
 
 
-class Pieces:
+class Turns:
     """Take one piece of one client in each turn of the event loop, however many clients send.
 
     A quarter of a megabyte of the smallest frames would keep everybody waiting for half a second,
-    and a piece of each of many clients for milliseconds.
+    and a piece of each of many clients for milliseconds.  Large messages that are whole at the same
+    time have pauses between them, for the same reason.
     """
 
     def __init__(self) -> None:
         self._waiting: deque[Callable[[], object]] = deque()
+        self._large = asyncio.Lock()
+
+    async def pause(self, size: int) -> None:
+        """Leave other work as much time as a large message will take, once it is the next one."""
+        async with self._large:
+            await asyncio.sleep(size * _BYTE_TAKES)
 
     def later(self, take: Callable[[], object]) -> None:
         """Call *take* once all that came before have been called."""
@@ -107,7 +117,7 @@ class Connection(H2Protocol):
         find_route: FindRoute,
         *,
         message_bytes: int,
-        pieces: Pieces,
+        turns: Turns,
         ended: Callable[[Connection], object],
     ) -> None:
         """Serve nothing until the connection is made.
@@ -116,14 +126,14 @@ class Connection(H2Protocol):
             meet: identifies the client, once the connection is made.
             find_route: says how to serve each call.
             message_bytes: of the largest message.
-            pieces: takes what all clients send, in turn.
+            turns: of all clients.
             ended: called once, when the connection is over.
         """
         self._calls = _Calls(self, find_route)
         super().__init__(self._calls, _CONFIGURATION, _HTTP2)
         self.caller: Any = None
         self._meet, self._ended = meet, ended
-        self._message_bytes, self._pieces = message_bytes, pieces
+        self._message_bytes, self._turns = message_bytes, turns
         self._transport: Any = None
         self._untaken = bytearray()
         self._has_begun = False
@@ -164,7 +174,7 @@ class Connection(H2Protocol):
         )
         gathering: Any = _Gathering(self._transport)
         self.connection = _Bounded(http2, gathering, config=self.config)
-        self.connection.message_bytes = self._message_bytes
+        self.connection.message_bytes, self.connection.turns = self._message_bytes, self._turns
         self.connection.flush()
         self.processor = EventsProcessor(self._calls, self.connection)
         # RFC 9113, 5.5: frames of an unknown type are ignored.
@@ -199,7 +209,7 @@ class Connection(H2Protocol):
             self.hang_up()
         elif self._untaken:
             self._transport.pause_reading()
-            self._pieces.later(self._take)
+            self._turns.later(self._take)
         else:
             self._transport.resume_reading()
 
@@ -248,10 +258,12 @@ class _Bounded(HttpConnection):
 
     Attributes:
         message_bytes: of the largest message.
+        turns: of all clients.
         held: bytes of the large message of each call without an answer.
     """
 
     message_bytes = 0
+    turns: Turns
 
     def __init__(self, *given: Any, **more: Any) -> None:  # noqa: ANN401 - of the library
         super().__init__(*given, **more)
@@ -284,9 +296,12 @@ class _BoundedStream(Stream):
                 raise TooMuchError(problem)
             held[self] = size
         try:
-            return await super().recv_data(size)
+            content = await super().recv_data(size)
         except AssertionError as error:  # so grpclib says it
             raise RequestError("", "the message is cut short") from error
+        if size > LARGE:
+            await self.connection.turns.pause(size)
+        return content
 
     async def send_headers(self, *given: Any, **more: Any) -> None:  # noqa: ANN401 - of the library
         """Begin to answer."""

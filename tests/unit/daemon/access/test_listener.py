@@ -221,9 +221,9 @@ def test_what_one_client_floods_is_taken_in_pieces(tmp_path, monkeypatch):
 
 def test_one_piece_is_taken_in_each_turn_of_the_event_loop():
     async def work():
-        pieces, taken = connection.Pieces(), []
+        turns, taken = connection.Turns(), []
         for name in "abc":
-            pieces.later(partial(taken.append, name))
+            turns.later(partial(taken.append, name))
         for count in range(1, 4):
             await asyncio.sleep(0)
             assert taken == [*"abc"][:count]
@@ -232,13 +232,13 @@ def test_one_piece_is_taken_in_each_turn_of_the_event_loop():
 
 
 def test_all_clients_take_turns_with_their_pieces(tmp_path, monkeypatch):
-    shared, later = [], connection.Pieces.later
+    shared, later = [], connection.Turns.later
 
     def spied(self, take):
         shared.append((self, take))
         later(self, take)
 
-    monkeypatch.setattr(connection.Pieces, "later", spied)
+    monkeypatch.setattr(connection.Turns, "later", spied)
 
     async def work(daemon):
         floods = [await asyncio.open_unix_connection(daemon.path) for _ in range(3)]
@@ -251,7 +251,7 @@ def test_all_clients_take_turns_with_their_pieces(tmp_path, monkeypatch):
                 writer.close()
 
     run(tmp_path, work)
-    assert len({pieces for pieces, _ in shared}) == 1
+    assert len({turns for turns, _ in shared}) == 1
     assert len({take.__self__ for _, take in shared}) == 3
 
 
@@ -289,6 +289,27 @@ def test_large_requests_of_a_connection_that_wait_are_bounded(tmp_path, monkeypa
                 assert await client.ask("", 600)
 
     run(tmp_path, work)
+
+
+def test_between_large_messages_there_is_time_for_other_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(connection, "_BYTE_TAKES", 1e-4)
+    served = []
+
+    async def work(daemon):
+        with contextlib.ExitStack() as stack:
+            clients = [Large(monkeypatch, stack.enter_context(daemon.channel())) for _ in range(3)]
+
+            async def ask(client, size):
+                await client.ask("", size)
+                served.append((size, time.monotonic()))
+
+            await asyncio.gather(*(ask(client, 600) for client in clients), ask(clients[0], 50))
+
+    run(tmp_path, work)
+    (size, _), *large = served
+    assert size < 100
+    apart = [later - sooner for (_, sooner), (_, later) in itertools.pairwise(large)]
+    assert min(apart) > 0.03
 
 
 def test_a_client_that_never_reads_is_hung_up_on(tmp_path, monkeypatch, caplog):
