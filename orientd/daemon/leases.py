@@ -14,12 +14,15 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from orientd.clock import Clock
-from orientd.errors import LeaseError, RequestError
+from orientd.errors import LeaseError, RequestError, TooMuchError
 from orientd.one_line import one_line
 
 _log = logging.getLogger(__name__)
 
 NANOSECONDS = 1_000_000_000
+
+MOST_LEASES = 128
+"""Leases of one owner at a time: every look at the leases goes through all of them."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +116,13 @@ class Leases:
             RequestError: the holder has no name.
             LeaseError: one of the devices is taken; the message names the holder and the time that
                 is left.
+            TooMuchError: the owner has too many leases.
         """
         holder = _named(holder)
         self.expire()
         with self._lock:
+            if sum(held.owner == owner for held in self._valid()) >= MOST_LEASES:
+                raise TooMuchError(f"at most {MOST_LEASES} leases of one user at the same time")
             wanted = self._in_order(devices)
             for held in self._valid():
                 is_own = held.owner == owner
@@ -186,8 +192,8 @@ class Leases:
     def expire(self) -> None:
         """Take leases back that have run out."""
         with self._lock:
-            valid = list(self._valid())
-            expired = [lease for lease in self._leases.values() if lease not in valid]
+            valid = {lease.token for lease in self._valid()}
+            expired = [lease for token, lease in self._leases.items() if token not in valid]
             for lease in expired:
                 del self._leases[lease.token]
         for lease in expired:

@@ -13,8 +13,10 @@ commands of a device: enable,  ``DeviceWorkers.commands``, one  an earlier comma
 disable, reset, pause, speed,  for each device                  device
 the start of a motion, the
 end of hand guiding
-names of users                 ``LOOK_UPS``, two                other look-ups; nobody waits
+names of users                 :data:`LOOK_UPS`, two            other look-ups; nobody waits
                                                                 longer than :data:`LOOK_UP`
+digests of large requests,     :data:`DIGESTS`, one             digests that came before; only
+for the audit log                                               large requests wait for one
 start and end of the daemon    ``Threads`` of the server, one   the devices, as far as their
                                                                 stops allow
 settings that are read again   ``Threads`` of the server, one   files, the name service,
@@ -129,6 +131,9 @@ class DeviceWorkers:
 
 LOOK_UPS = Threads(2, "look-up")
 """Ask the name service, which may never answer."""
+
+DIGESTS = Threads(1, "digest")
+"""Describe large requests, which takes milliseconds."""
 
 
 class LoopErrors:

@@ -141,6 +141,11 @@ async def call(ways, method, messages):
         # So the library calls a stream that was answered before all of it was sent.
         is_cut_short = error.details() == "Internal error from Core"
         return "CUT SHORT" if is_cut_short else error.code().name
+    except asyncio.CancelledError:
+        # The library cancels a stream that is answered while it sends a request.
+        if not made.cancelled():
+            raise
+        return "CUT SHORT"
     finally:
         made.cancel()
     return "OK"

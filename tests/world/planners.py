@@ -140,6 +140,6 @@ def of_planners(world):
         (ForkServer, "world", world),
         (pool, "ForkServer", ForkServer),
         (devices, "default_processes", lambda: _COUNT),
-        (worker, "_received", lambda peer, descriptors: peer.receive(descriptors)),
+        (worker, "_received_task", lambda peer, descriptors: peer.receive(descriptors)),
         (worker, "resident", lambda: _RESIDENT),
     ]

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import aclosing
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from hashlib import sha256
 from typing import Any
 
@@ -31,6 +31,7 @@ from orientd.config import Role
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.identity import Caller
 from orientd.daemon.log import about
+from orientd.daemon.workers import DIGESTS
 from orientd.errors import (
     AccessError,
     OrientdError,
@@ -111,6 +112,9 @@ SECRETS = ("lease_token", "token")
 
 _MOST_TEXT = 200
 """Characters of one text of a request that are recorded."""
+
+MANY_KEYFRAMES = 1000
+"""Of a motion with more, the digest is made in a thread: it takes milliseconds."""
 
 CountCall = Callable[[str, str, float], object]
 """Is called after each call with its name, its code and its duration, s."""
@@ -252,8 +256,11 @@ class Authorization:
                 raise RequestError("", problem) from error
             if request is None:
                 return
-            if not call.asked:
-                call.asked = describe(request)
+            if call.request is None:
+                call.request = request
+                motion = getattr(request, "motion", None)
+                if call.rule.is_command and motion and keyframe_count(motion) > MANY_KEYFRAMES:
+                    await DIGESTS.run(lambda: call.asked)
             yield request
 
     async def _send(self, call: _Call, stream: Stream[Any, Any], answer: Message | bytes) -> None:
@@ -286,19 +293,22 @@ class Authorization:
         level = logging.INFO if is_command else logging.DEBUG
         if code != "OK" and is_command:
             level = logging.WARNING
+        is_refused = code in ("PERMISSION_DENIED", "RESOURCE_EXHAUSTED")
+        is_foreign = name == "RenewLease" and code == "FAILED_PRECONDITION"
+        is_recorded = is_command or is_refused or is_foreign
+        if not (is_recorded or _log.isEnabledFor(level)):
+            return
         fields = call.fields()
         detail = f": {text}" if text else ""
         _log.log(level, "call %d: %s: %s%s", call.number, name, code, detail,
                  extra=about(outcome=code, **fields))  # fmt: skip
-        is_refused = code in ("PERMISSION_DENIED", "RESOURCE_EXHAUSTED")
-        is_foreign = name == "RenewLease" and code == "FAILED_PRECONDITION"
-        if is_command or is_refused or is_foreign:
+        if is_recorded:
             self._audit.record(event="answered", outcome=code, text=text[:400], **fields)
 
 
 @dataclass(eq=False)
 class _Call:
-    """One running call: the recorded parts of its request (*asked*) and of its *result*."""
+    """One running call: its first *request*, and the recorded parts of its *result*."""
 
     number: int
     method: Method
@@ -306,8 +316,13 @@ class _Call:
     caller: Caller
     # Looked up at the call: the clock may be another one in tests.
     began: float = field(default_factory=lambda: time.monotonic())
-    asked: dict[str, Any] = field(default_factory=dict)
+    request: Message | None = None
     result: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def asked(self) -> dict[str, Any]:
+        """The recorded parts of its request."""
+        return {} if self.request is None else describe(self.request)
 
     def fields(self) -> dict[str, Any]:
         """Return the fields that every record of this call has."""

@@ -1,13 +1,14 @@
 """One connection of a client: gRPC as grpclib speaks it, with bounds that grpclib does not have.
 
-A client's messages have a largest size.  The daemon reads a flood of them in pieces.  It hangs up
-on a client that does not read the answers.
+A client's messages have a largest size, alone and together.  The daemon reads a flood of them in
+pieces.  It hangs up on a client that does not read the answers.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -27,7 +28,7 @@ from h2.events import UnknownFrameReceived
 from h2.settings import SettingCodes
 
 from orientd.daemon.access.identity import Caller
-from orientd.errors import MessageSizeError, RequestError
+from orientd.errors import MessageSizeError, RequestError, TooMuchError
 
 _log = logging.getLogger(__name__)
 
@@ -38,7 +39,16 @@ MOST_STREAMS = 1024
 """Calls over one connection that its client has not done with; a client waits with more."""
 
 PIECE = 4 * 1024
-"""Bytes of one client that are taken at once; then others have their turn."""
+"""Bytes of one client that are taken at once; then other work and other clients have their turn."""
+
+LARGE = 32 * 1024
+"""A message of more bytes is large, such as a motion of 800 keyframes."""
+
+MOST_HELD = 24 * 1024 * 1024
+"""Bytes of large messages over one connection whose calls may wait for their answers."""
+
+_BYTE_TAKES = 2.5e-9
+"""s that a byte of a large message keeps the event loop busy: to be read, and to be handed on."""
 
 MOST_UNREAD = 16 * 1024 * 1024
 """Bytes that wait for a client to read them; the daemon hangs up on a client that asks for more."""
@@ -62,6 +72,36 @@ _TIMEOUT_BYTES = 9  # eight digits and a unit: no more is a timeout of gRPC
 logging.getLogger("grpclib").setLevel(logging.CRITICAL)
 
 
+class Turns:
+    """Take one piece of one client in each turn of the event loop, however many clients send.
+
+    A quarter of a megabyte of the smallest frames would keep everybody waiting for half a second,
+    and a piece of each of many clients for milliseconds.  Large messages that are whole at the same
+    time have pauses between them, for the same reason.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: deque[Callable[[], object]] = deque()
+        self._large = asyncio.Lock()
+
+    async def pause(self, size: int) -> None:
+        """Leave other work as much time as a large message will take, once it is the next one."""
+        async with self._large:
+            await asyncio.sleep(size * _BYTE_TAKES)
+
+    def later(self, take: Callable[[], object]) -> None:
+        """Call *take* once all that came before have been called."""
+        if not self._waiting:
+            asyncio.get_running_loop().call_soon(self._next)
+        self._waiting.append(take)
+
+    def _next(self) -> None:
+        take = self._waiting.popleft()
+        if self._waiting:
+            asyncio.get_running_loop().call_soon(self._next)
+        take()
+
+
 class Connection(H2Protocol):
     """Serve the calls of one caller, each in a task of its own.
 
@@ -69,12 +109,15 @@ class Connection(H2Protocol):
         caller: the client, once it is identified.
     """
 
+    connection: _Bounded
+
     def __init__(
         self,
         meet: Meet,
         find_route: FindRoute,
         *,
         message_bytes: int,
+        turns: Turns,
         ended: Callable[[Connection], object],
     ) -> None:
         """Serve nothing until the connection is made.
@@ -83,13 +126,14 @@ class Connection(H2Protocol):
             meet: identifies the client, once the connection is made.
             find_route: says how to serve each call.
             message_bytes: of the largest message.
+            turns: of all clients.
             ended: called once, when the connection is over.
         """
         self._calls = _Calls(self, find_route)
         super().__init__(self._calls, _CONFIGURATION, _HTTP2)
         self.caller: Any = None
         self._meet, self._ended = meet, ended
-        self._message_bytes = message_bytes
+        self._message_bytes, self._turns = message_bytes, turns
         self._transport: Any = None
         self._untaken = bytearray()
         self._has_begun = False
@@ -130,7 +174,7 @@ class Connection(H2Protocol):
         )
         gathering: Any = _Gathering(self._transport)
         self.connection = _Bounded(http2, gathering, config=self.config)
-        self.connection.message_bytes = self._message_bytes
+        self.connection.message_bytes, self.connection.turns = self._message_bytes, self._turns
         self.connection.flush()
         self.processor = EventsProcessor(self._calls, self.connection)
         # RFC 9113, 5.5: frames of an unknown type are ignored.
@@ -138,11 +182,7 @@ class Connection(H2Protocol):
         self._has_begun = True
 
     def data_received(self, data: bytes) -> None:
-        """Take what has come, a piece in each turn of the event loop.
-
-        A quarter of a megabyte of the smallest frames would keep everybody waiting for half a
-        second.
-        """
+        """Take the first piece of the bytes; the others take turns with those of other clients."""
         if not self._has_begun:
             self._begin()
         is_taking = bool(self._untaken)
@@ -169,7 +209,7 @@ class Connection(H2Protocol):
             self.hang_up()
         elif self._untaken:
             self._transport.pause_reading()
-            asyncio.get_running_loop().call_soon(self._take)
+            self._turns.later(self._take)
         else:
             self._transport.resume_reading()
 
@@ -199,48 +239,74 @@ class _Calls(Handler):
         """Begin a call, without a timeout of more digits than any may have."""
         kept = [one for one in headers if one[0] != "grpc-timeout" or len(one[1]) <= _TIMEOUT_BYTES]
         super().accept(stream, kept, release_stream)
-        self._tasks[stream].add_done_callback(lambda _: _let_go(stream))
+        self._tasks[stream].add_done_callback(lambda _: self._let_go(stream))
 
     def get(self, path: str) -> Route | None:
         """Return how to serve the call of a full name."""
         return self._find_route(path, self._connection.caller)
 
-
-def _let_go(stream: Stream) -> None:
-    """Break the cycle that grpclib leaves of a cancelled call: it holds what the client sent."""
-    error = getattr(stream.wrapper, "_error", None)
-    if error is not None:
-        error.__traceback__ = error.__context__ = None
+    def _let_go(self, stream: Stream) -> None:
+        """Break the cycle in which grpclib holds a cancelled call, and so its request."""
+        self._connection.connection.held.pop(stream, None)
+        error = getattr(stream.wrapper, "_error", None)
+        if error is not None:
+            error.__traceback__ = error.__context__ = None
 
 
 class _Bounded(HttpConnection):
-    """A connection whose calls take no message that is too large."""
+    """A connection whose calls take no message that is too large, and not too many large ones.
+
+    Attributes:
+        message_bytes: of the largest message.
+        turns: of all clients.
+        held: bytes of the large message of each call without an answer.
+    """
 
     message_bytes = 0
+    turns: Turns
+
+    def __init__(self, *given: Any, **more: Any) -> None:  # noqa: ANN401 - of the library
+        super().__init__(*given, **more)
+        self.held: dict[Stream, int] = {}
 
     def create_stream(self, **more: Any) -> Stream:  # noqa: ANN401 - of the library
-        stream = _BoundedStream(self, self._connection, self._transport, **more)
-        stream.most_bytes = self.message_bytes
-        return stream
+        return _BoundedStream(self, self._connection, self._transport, **more)
 
 
 class _BoundedStream(Stream):
-    most_bytes = 0
+    connection: _Bounded
 
     async def recv_data(self, size: int) -> bytes:
         """Return *size* bytes; none at the end.
 
         Raises:
             MessageSizeError: no message is so large.
+            TooMuchError: it is large, and others of too many bytes wait for their answers.
             RequestError: the end comes before.
         """
-        if size > self.most_bytes:
-            problem = f"the message is too large: {size} bytes, at most {self.most_bytes}"
+        if size > self.connection.message_bytes:
+            most = self.connection.message_bytes
+            problem = f"the message is too large: {size} bytes, at most {most}"
             raise MessageSizeError("", problem)
+        held = self.connection.held
+        held.pop(self, None)
+        if size > LARGE:
+            if sum(held.values()) >= MOST_HELD:
+                problem = f"{MOST_HELD >> 20} MiB of requests over one connection wait already"
+                raise TooMuchError(problem)
+            held[self] = size
         try:
-            return await super().recv_data(size)
+            content = await super().recv_data(size)
         except AssertionError as error:  # so grpclib says it
             raise RequestError("", "the message is cut short") from error
+        if size > LARGE:
+            await self.connection.turns.pause(size)
+        return content
+
+    async def send_headers(self, *given: Any, **more: Any) -> None:  # noqa: ANN401 - of the library
+        """Begin to answer."""
+        self.connection.held.pop(self, None)
+        await super().send_headers(*given, **more)
 
 
 class Codec(ProtoCodec):

@@ -20,7 +20,7 @@ from typing import Any
 
 from orientd.config import AccessSettings, TcpSettings, TlsFileError, check_tls_files
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.connection import Connection, FindRoute
+from orientd.daemon.access.connection import Connection, FindRoute, Turns
 from orientd.daemon.access.identity import (
     Caller,
     ClientCertificate,
@@ -110,6 +110,7 @@ class Listener:
         self._tasks: set[asyncio.Task[None]] = set()
         self._handshakes: dict[asyncio.Task[Any], None] = {}
         self._connections: dict[Connection, None] = {}
+        self._turns = Turns()
         # As many of all together as there are files for.
         files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
         self._most_together = max(16, files - _OTHER_DESCRIPTORS)
@@ -288,6 +289,7 @@ class Listener:
             meet,
             self._find_route,
             message_bytes=self._access.message_bytes,
+            turns=self._turns,
             ended=lambda ended: self._connections.pop(ended, None),
         )
         return connection

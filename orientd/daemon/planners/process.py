@@ -22,6 +22,7 @@ from orientd.daemon.planners.task import (
     Rest,
     Task,
     packed,
+    packed_task,
 )
 from orientd.errors import DaemonError, OrientdError
 
@@ -140,11 +141,14 @@ class PlannerProcess:
             DaemonError: the process has ended instead.
         """
         self.tasks += 1
-        asked = packed(task)
+        parts = packed_task(task)
         # The first bytes take the descriptor along; nothing else is on its way meanwhile.
         with contextlib.suppress(ConnectionError):
-            sent = socket.send_fds(self._socket, [asked], [file.descriptor])
-            self._writer.write(asked[sent:])
+            sent = socket.send_fds(self._socket, parts, [file.descriptor])
+            for part in parts:
+                if sent < len(part):
+                    self._writer.write(memoryview(part)[sent:])
+                sent = max(0, sent - len(part))
         try:
             answer: Planned | OrientdError = await _message(self._reader)
         except (asyncio.IncompleteReadError, ConnectionError) as error:

@@ -1,6 +1,7 @@
 """Define the messages between the daemon and a planner process: task, answer, and rest.
 
-A message is its length and a pickle; both ends are of one installation and one user.  Each task
+A message is its length and a pickle; both ends are of one installation and one user.  The motion
+follows its task as it is, because copies of a large one would keep the event loop busy.  Each task
 carries the descriptor of a file in memory.  The planner writes the records of the motion to it, and
 its current stage in words.  The daemon only copies records, so they stay bytes there.  A planner
 answers a task twice.  The first answer is a :class:`Planned` or an error.  The second is the
@@ -18,7 +19,7 @@ import struct
 import time
 import weakref
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -237,6 +238,21 @@ def record_at_rest(q: Quaternion, position: Vector3, joints: Joints) -> bytes:
     rates = (0.0,) * len(joints)
     at = (*q, *ZERO, *ZERO, *position, *ZERO, *joints, *absent, *rates, *absent, *ZERO)
     return MOTION_RECORD.pack(*at)
+
+
+def packed_task(task: Task) -> list[bytes]:
+    """Return the message of a task in parts: the task without its motion, then the motion."""
+    motion = task.input.motion
+    return [packed(_with_motion(task, b"")), HEADER.pack(len(motion)), motion]
+
+
+def unpacked_task(body: bytearray, motion: bytearray) -> Task:
+    """Return the task of a message."""
+    return _with_motion(pickle.loads(body), bytes(motion))
+
+
+def _with_motion(task: Task, motion: bytes) -> Task:
+    return replace(task, input=replace(task.input, motion=motion))
 
 
 def packed(content: object) -> bytes:

@@ -17,7 +17,6 @@ import signal
 import socket
 from collections import OrderedDict
 from collections.abc import Iterable
-from typing import Any
 
 from google.protobuf.message import DecodeError
 
@@ -32,6 +31,7 @@ from orientd.daemon.planners.task import (
     Rest,
     Task,
     packed,
+    unpacked_task,
 )
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.model.request import Frame, Keyframe, MotionRequest
@@ -151,10 +151,10 @@ def main(channel: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's to hear
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel reaps ended planners
     with socket.socket(fileno=channel) as peer:
-        devices = _received(peer, [])
-        if devices is None:
+        body = _received(peer, [])
+        if body is None:
             return
-        worker = Worker(devices)
+        worker = Worker(pickle.loads(body))
         worker.warm_up()
         # Planners share this memory until one of them writes to it.
         gc.collect()
@@ -179,7 +179,7 @@ def serve(peer: socket.socket, worker: Worker) -> None:
     """Serve as a planner until the daemon closes the channel."""
     descriptors: list[int] = []
     task: Task | None
-    while (task := _received(peer, descriptors)) is not None:
+    while (task := _received_task(peer, descriptors)) is not None:
         file = RecordFile(descriptors.pop())
         answer: Planned | OrientdError
         try:
@@ -199,13 +199,18 @@ def serve(peer: socket.socket, worker: Worker) -> None:
         peer.sendall(packed(rest))
 
 
-def _received(peer: socket.socket, descriptors: list[int]) -> Any:  # noqa: ANN401
+def _received_task(peer: socket.socket, descriptors: list[int]) -> Task | None:
+    """Return the next task, and add the descriptor that comes with it; ``None`` at the end."""
+    body, motion = _received(peer, descriptors), _received(peer, descriptors)
+    return None if body is None or motion is None else unpacked_task(body, motion)
+
+
+def _received(peer: socket.socket, descriptors: list[int]) -> bytearray | None:
     """Return the next message, and add the descriptor that comes with it; ``None`` at the end."""
     header, received, _, _ = socket.recv_fds(peer, HEADER.size, 1)
     descriptors += received
     more = _exactly(peer, HEADER.size - len(header)) if header else None
-    body = None if more is None else _exactly(peer, HEADER.unpack(header + more)[0])
-    return None if body is None else pickle.loads(body)
+    return None if more is None else _exactly(peer, HEADER.unpack(header + more)[0])
 
 
 def _exactly(peer: socket.socket, count: int) -> bytearray | None:

@@ -6,8 +6,8 @@ from functools import partial
 import pytest
 
 from emulated_dynamixel import ManualClock
-from orientd.daemon.leases import Leases
-from orientd.errors import LeaseError, RequestError
+from orientd.daemon.leases import MOST_LEASES, Leases
+from orientd.errors import LeaseError, RequestError, TooMuchError
 
 SECOND = 1_000_000_000
 
@@ -186,6 +186,17 @@ def test_programs_of_one_identity_share_a_device_on_purpose_alone(pair):
     third = pair.acquire("ana again", "user:1", devices=["arm"], beside=True)
     pair.release(first.token)
     assert pair.check(third.token, "arm") == third
+
+
+def test_the_leases_of_one_owner_are_bounded(pair, clock):
+    held = [pair.acquire("ana", "user:1", devices=["arm"], beside=True) for _ in range(MOST_LEASES)]
+    with pytest.raises(TooMuchError, match="at most 128 leases of one user"):
+        pair.acquire("ana", "user:1", devices=["arm"], beside=True)
+    assert pair.acquire("ben", "user:2", devices=["leg"])
+    pair.release(held[0].token)
+    assert pair.acquire("ana", "user:1", devices=["arm"], beside=True)
+    clock.advance(6 * SECOND)
+    assert pair.acquire("ana", "user:1", beside=True)
 
 
 def test_nobody_commands_beside_somebody_else(pair):

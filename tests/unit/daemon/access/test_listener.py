@@ -219,6 +219,99 @@ def test_what_one_client_floods_is_taken_in_pieces(tmp_path, monkeypatch):
     assert max(sizes) <= connection.PIECE
 
 
+def test_one_piece_is_taken_in_each_turn_of_the_event_loop():
+    async def work():
+        turns, taken = connection.Turns(), []
+        for name in "abc":
+            turns.later(partial(taken.append, name))
+        for count in range(1, 4):
+            await asyncio.sleep(0)
+            assert taken == [*"abc"][:count]
+
+    asyncio.run(work())
+
+
+def test_all_clients_take_turns_with_their_pieces(tmp_path, monkeypatch):
+    shared, later = [], connection.Turns.later
+
+    def spied(self, take):
+        shared.append((self, take))
+        later(self, take)
+
+    monkeypatch.setattr(connection.Turns, "later", spied)
+
+    async def work(daemon):
+        floods = [await asyncio.open_unix_connection(daemon.path) for _ in range(3)]
+        for _, writer in floods:
+            writer.write(SPOKEN + PINGS // 10 * PING)
+        async with asyncio.timeout(10.0):
+            for reader, writer in floods:
+                for _ in range(PINGS // 10):
+                    await reader.readuntil(b"whatever")
+                writer.close()
+
+    run(tmp_path, work)
+    assert len({turns for turns, _ in shared}) == 1
+    assert len({take.__self__ for _, take in shared}) == 3
+
+
+class Large:
+    """A client whose requests are large; a call of the device "slow" is not answered."""
+
+    def __init__(self, monkeypatch, channel):
+        monkeypatch.setattr(connection, "LARGE", 100)
+        monkeypatch.setattr(connection, "MOST_HELD", 1000)
+        self.call = UnaryUnaryMethod(channel, PATH, pb.GetStateRequest, pb.GetStateResponse)
+
+    def ask(self, device, size):
+        # Fields that the daemon does not know are read and left alone.
+        content = pb.GetStateRequest(device=device).SerializeToString()
+        content += b"\xfa\x07" + bytes([size & 127 | 128, size >> 7]) + bytes(size)
+        request = pb.GetStateRequest.FromString(content)
+        return asyncio.ensure_future(self.call(request, timeout=10.0))
+
+
+def test_large_requests_of_a_connection_that_wait_are_bounded(tmp_path, monkeypatch):
+    async def work(daemon):
+        with daemon.channel() as channel, daemon.channel() as other:
+            client = Large(monkeypatch, channel)
+            waiting = [client.ask("slow", 600) for _ in range(2)]
+            await asyncio.sleep(SOON)
+            with pytest.raises(GRPCError, match="requests over one connection wait already"):
+                await client.ask("", 600)
+            assert await client.ask("", 50)  # a small one, such as a stop
+            assert await Large(monkeypatch, other).ask("", 600)
+            for one in waiting:
+                one.cancel()
+            await asyncio.gather(*waiting, return_exceptions=True)
+            await asyncio.sleep(SOON)
+            for _ in range(3):
+                assert await client.ask("", 600)
+
+    run(tmp_path, work)
+
+
+def test_between_large_messages_there_is_time_for_other_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(connection, "_BYTE_TAKES", 1e-4)
+    served = []
+
+    async def work(daemon):
+        with contextlib.ExitStack() as stack:
+            clients = [Large(monkeypatch, stack.enter_context(daemon.channel())) for _ in range(3)]
+
+            async def ask(client, size):
+                await client.ask("", size)
+                served.append((size, time.monotonic()))
+
+            await asyncio.gather(*(ask(client, 600) for client in clients), ask(clients[0], 50))
+
+    run(tmp_path, work)
+    (size, _), *large = served
+    assert size < 100
+    apart = [later - sooner for (_, sooner), (_, later) in itertools.pairwise(large)]
+    assert min(apart) > 0.03
+
+
 def test_a_client_that_never_reads_is_hung_up_on(tmp_path, monkeypatch, caplog):
     monkeypatch.setattr(connection, "MOST_UNREAD", 1 << 16)
 
