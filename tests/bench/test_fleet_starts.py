@@ -1,15 +1,10 @@
-"""Starts of a cell, many of them: while clocks step, with one unable, with whoever asks killed."""
+"""Starts of a cell, many of them: with one unable, with whoever asks killed."""
 
-import mmap
 import os
 import random
-import shutil
-import statistics
-import struct
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -46,49 +41,6 @@ def rounds(number):
 def folder():
     with tempfile.TemporaryDirectory(prefix="orientd-") as name:
         yield Path(name)
-
-
-@pytest.mark.skipif(shutil.which("cc") is None, reason="the stand-in of the clock is C")
-def test_clocks_on_the_wall_that_step_change_nothing(folder, capsys):
-    """By up to a day, back and forth, of all daemons and their gateways, while motions begin.
-
-    No bound on the skew: what the shim itself does to the servos' time is not known.
-    """
-    shim, offset = folder / "clock.so", folder / "offset"
-    source = Path(__file__).parents[1] / "chaos/clock_shim.c"
-    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", shim, source], check=True)
-    offset.write_bytes(bytes(4096))
-    prefix, chance = ("env", f"LD_PRELOAD={shim}", f"CHAOS_CLOCK={offset}"), random.Random(4)
-    ending, steps, skews = threading.Event(), [], []
-
-    def step(page):
-        while not ending.wait(chance.uniform(0.05, 0.3)):
-            steps.append(chance.choice((-86_400.0, -60.0, -0.3, 0.3, 1.0, 60.0, 86_400.0)))
-            page[:8] = struct.pack("=q", round(steps[-1] * 1e9))
-
-    with (
-        offset.open("r+b") as file,
-        mmap.mmap(file.fileno(), 4096) as page,
-        RunningCell(folder, 3, lease=5.0, prefix=prefix) as cell,
-        cell.fleet() as fleet,
-    ):
-        stepping = threading.Thread(target=step, args=(page,))
-        stepping.start()
-        try:
-            for number in range(rounds(50)):
-                request = turn(0.02 * (number % 2))
-                motions = [FleetMotion(name, "", request) for name in cell.names]
-                together = move_together(fleet, motions)
-                assert together.problem == ""
-                skews.append(together.skew)
-        finally:
-            ending.set()
-            stepping.join()
-    with capsys.disabled():
-        print(
-            f"\nclocks on the wall stepped {len(steps)} times: {len(skews)} starts, skew p50 "
-            f"{statistics.median(skews) * 1e3:.3f} ms, largest {max(skews) * 1e3:.3f} ms"
-        )
 
 
 def reports(cell):

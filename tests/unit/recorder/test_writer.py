@@ -5,6 +5,7 @@ import re
 import resource
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -247,3 +248,11 @@ def test_the_lines_in_the_guide_read_a_recording_without_orientd(tmp_path):
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
         assert "500" in done.stdout
+
+
+@pytest.mark.parametrize("joints", [0, 6])
+def test_a_minute_in_motion_takes_six_megabytes_at_the_most(tmp_path, joints):
+    table = moving(round(60 * RATE_HZ), joints=joints)
+    size = write(tmp_path / "a.mcap", table).stat().st_size
+    assert size < 6_000_000
+    assert size < len(zlib.compress(table.tobytes(), 6))
