@@ -1,7 +1,6 @@
 """Clients that keep a daemon busy: four watchers, and one that plans motions without pause.
 
-Run as ``python tests/bench/busy_clients.py SOCKET DEVICE`` until it is killed.  A third argument
-``watch`` starts the watchers only.
+Run as ``python tests/bench/busy_clients.py SOCKET DEVICE`` until it is killed.
 """
 
 from __future__ import annotations
@@ -39,14 +38,12 @@ def watch(stub: SimpleNamespace, device: str) -> None:
         pass
 
 
-def main(socket: str, device: str, only: str = "") -> None:
+def main(socket: str, device: str) -> None:
     """Keep the daemon at *socket* busy until this process is killed."""
     channel = Way(Path(socket)).open()
     stub = control_stub(channel)
     for _ in range(WATCHERS):
         threading.Thread(target=watch, args=(stub, device), daemon=True).start()
-    if only == "watch":
-        threading.Event().wait()
     request = pb.PlanRequest(device=device, motion=motion())
     while True:
         stub.Plan(request)

@@ -93,7 +93,7 @@ class Setpoints:
         limits = [_numbers(case.limits.narrowed(one.request.limits)) for _, one in motions]
         q, p = whole[:, :4], whole[:, 4:]
         return cls(
-            q, p, _rates(q, p, h), np.array([0] * HELD + owner), begins, np.array(limits) + rounding
+            q, p, rates(q, p, h), np.array([0] * HELD + owner), begins, np.array(limits) + rounding
         )
 
 
@@ -178,7 +178,7 @@ def _judge_keyframes(case: Case, place: int, motion: Motion, q: Floats, verdict:
     within = case.limits.acceleration * case.period**2 + 1e-9
     for keyframe in keys:
         key = np.array(keyframe.q)
-        near = int(np.argmin(np.linalg.norm(_turns(q, key), axis=1)))
+        near = int(np.argmin(np.linalg.norm(turns(q, key), axis=1)))
         distance = _distances(key[None], q[max(near - 1, 0) : near + 2], is_turn=True)[0]
         if distance > within:
             verdict.problems.append(f"motion {place} misses a keyframe by {distance:.3g} rad")
@@ -221,7 +221,7 @@ def _judge_blend(
             f"rad and {reached:.4f} m"
         )
     corner = np.array(case.requests[place].keyframes[0].q)
-    gaps = np.linalg.norm(_turns(setpoints.q[begin:end], corner), axis=1)
+    gaps = np.linalg.norm(turns(setpoints.q[begin:end], corner), axis=1)
     if gaps.min() > NEARLY * tolerance:
         verdict.problems.append(f"blend {place} is {gaps.min():.4f} rad from its corner")
     # A slow blend is nearly as near for a while.
@@ -255,7 +255,7 @@ def _first(motion: Motion) -> int:
 
 def _reach(leg: Floats, tolerance: float) -> float:
     """Return how far the position moves on a leg while that turns by the tolerance, m."""
-    turn = np.sum(np.linalg.norm(_turns(leg[:-1, :4], leg[1:, :4]), axis=1))
+    turn = np.sum(np.linalg.norm(turns(leg[:-1, :4], leg[1:, :4]), axis=1))
     move = np.sum(np.linalg.norm(np.diff(leg[:, 4:], axis=0), axis=1))
     return float(move * min(1.0, tolerance / max(turn, 1e-12)))
 
@@ -272,10 +272,10 @@ def _numbers(limits: Limits) -> list[float]:
     return [*angular, limits.linear_velocity, limits.linear_acceleration]
 
 
-def _rates(q: Floats, p: Floats, period: float) -> Floats:
+def rates(q: Floats, p: Floats, period: float) -> Floats:
     """Return the rates at each setpoint by backward differences, shape ``(n, 5)``."""
     rates = np.zeros((len(q), 5))
-    turn, move = _turns(q[:-1], q[1:]) / period, np.diff(p, axis=0) / period
+    turn, move = turns(q[:-1], q[1:]) / period, np.diff(p, axis=0) / period
     for order in range(3):
         rates[order + 1 :, order] = np.linalg.norm(turn, axis=1)
         turn = np.diff(turn, axis=0) / period
@@ -285,7 +285,7 @@ def _rates(q: Floats, p: Floats, period: float) -> Floats:
     return rates
 
 
-def _turns(a: Floats, b: Floats) -> Floats:
+def turns(a: Floats, b: Floats) -> Floats:
     """Return the rotation vectors from orientations to others, in the body frame."""
     w = np.sum(a * b, axis=-1)
     v = a[..., :1] * b[..., 1:] - b[..., :1] * a[..., 1:] - np.cross(a[..., 1:], b[..., 1:])

@@ -3,17 +3,12 @@
 ``plans(seed, kind)`` returns one request.  ``judged_plan(case)`` plans it and returns what is wrong
 with the outcome.  The judge uses NumPy alone.  It differentiates the setpoints that a driver would
 get, with holds before and after, and measures the path between them.
-
-In the folder ``tests``: ``python -m bench.single_requests [count] [first seed] [kind ...]``.
 """
 
-import sys
-import time
-from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from bench.following_judge import rates, turns
 
 from orientd.errors import PlanError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
@@ -28,6 +23,7 @@ LIMITS = {
 KINDS = ("rest", "one end", "both ends", "times", "positions", "near duplicates", "duration")
 PERIOD = 0.002
 ROUNDING = 1.0 + 1e-5
+NAMES = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
 HALF_TURN = np.pi
 LARGER = (1.3, 2.0, 5.0, 20.0)
 """Factors of a duration that is tried after a refusal."""
@@ -148,34 +144,15 @@ def _product(a, b):
     )
 
 
-def _vectors(before, after):
-    """Return the rotation vectors from one orientation to the next, body frame, rad."""
-    step = _product(np.asarray(before) * [1.0, -1.0, -1.0, -1.0], after)
-    step *= np.where(step[..., :1] < 0.0, -1.0, 1.0)
-    size = np.linalg.norm(step[..., 1:], axis=-1, keepdims=True)
-    turn = 2.0 * np.arctan2(size, step[..., :1])
-    return step[..., 1:] * np.where(size > 0.0, turn / np.maximum(size, 1e-300), 2.0)
-
-
 def _angles(before, after):
-    return np.linalg.norm(_vectors(before, after), axis=-1)
+    return np.linalg.norm(turns(np.asarray(before), np.asarray(after)), axis=-1)
 
 
 def ratios(q, position, limits, period):
     """Return the largest share of each limit that setpoints use, between holds before and after."""
-    held = np.concatenate([[q[0]] * 3, q, [q[-1]] * 3])
-    rate = _vectors(held[:-1], held[1:]) / period
-    found = {"velocity": rate}
-    for name in ("acceleration", "jerk"):
-        rate = np.diff(rate, axis=0) / period
-        found[name] = rate
-    place = np.concatenate([[position[0]] * 3, position, [position[-1]] * 3])
-    found["linear_velocity"] = np.diff(place, axis=0) / period
-    found["linear_acceleration"] = np.diff(found["linear_velocity"], axis=0) / period
-    return {
-        name: float(np.linalg.norm(rate, axis=1).max()) / getattr(limits, name)
-        for name, rate in found.items()
-    }
+    held, place = (np.concatenate([[rows[0]] * 3, rows, [rows[-1]] * 3]) for rows in (q, position))
+    largest = rates(held, place, period).max(axis=0).tolist()
+    return {name: value / getattr(limits, name) for name, value in zip(NAMES, largest, strict=True)}
 
 
 def stopping_way(speed, limits):
@@ -305,24 +282,16 @@ class Verdict:
         refused: the refusal; empty if a motion was planned.
         why: for a refusal, why it is false; empty if that is not known.
         faults: of the motion.
-        slower: duration as a multiple of that of single moves; NaN if not compared.
-        seconds: that the plan took.
     """
 
     case: Case
     refused: str = ""
     why: str = ""
     faults: tuple[str, ...] = ()
-    slower: float = np.nan
-    seconds: float = 0.0
 
 
-def judged_plan(case, *, compares=False):
-    """Plan a case and return the verdict.
-
-    Args:
-        compares: whether to compare the duration with that of single moves.
-    """
+def judged_plan(case):
+    """Plan a case and return the verdict."""
     request = case.request
     if case.factor is not None:
         try:
@@ -331,46 +300,11 @@ def judged_plan(case, *, compares=False):
             return Verdict(case, str(error), is_possible(case, request))
         duration = case.factor * (quickest.end_time - quickest.start_time)
         request = replace(request, duration=duration)
-    begin = time.thread_time()
     try:
         motion = planned(case, request)
     except PlanError as error:
         why = is_possible(case, request)
         if case.factor is not None and not why:
             why = "the quickest is shorter"
-        return Verdict(case, str(error), why, seconds=time.thread_time() - begin)
-    took, slower = time.thread_time() - begin, np.nan
-    if compares and not request.has_times and case.factor is None:
-        with suppress(PlanError):
-            slower = (motion.end_time - motion.start_time) / float(chain(case).sum())
-    return Verdict(case, "", "", tuple(faults(motion, case)), slower, took)
-
-
-def main():
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    for kind in sys.argv[3:] or KINDS:
-        tally, seconds, slower = Counter(), [], []
-        for seed in range(first, first + count):
-            verdict = judged_plan(plans(seed, kind), compares=True)
-            name = verdict.case.name
-            tally["planned" if not verdict.refused else "refused"] += 1
-            if verdict.refused and verdict.why:
-                tally[f"false refusal {name}"] += 1
-            for one in verdict.faults:
-                tally[f"{one.partition(':')[0]} {name}"] += 1
-            seconds.append(verdict.seconds)
-            if np.isfinite(verdict.slower):
-                slower.append(verdict.slower)
-                tally["over 1.05 of single moves"] += verdict.slower > 1.05
-            if verdict.faults or verdict.refused:
-                lines = [*verdict.faults, verdict.refused[:200], verdict.why]
-                print(f"  {kind} {seed} {name}:", *filter(None, lines), flush=True)
-        median, worst = np.median(seconds), np.max(seconds)
-        print(f"{kind}: {dict(tally)}; {1e3 * median:.1f} ms, at most {1e3 * worst:.0f} ms")
-        if slower:
-            print(f"    slower than single moves: {np.percentile(slower, [50, 90, 100]).round(3)}")
-
-
-if __name__ == "__main__":
-    main()
+        return Verdict(case, str(error), why)
+    return Verdict(case, faults=tuple(faults(motion, case)))

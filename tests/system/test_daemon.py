@@ -119,20 +119,6 @@ def test_a_second_daemon_is_refused_and_the_first_goes_on(daemon):
 
 
 @pytest.mark.real
-def test_a_servo_is_out_of_reach_of_the_terminal_and_in_the_session_of_its_daemon(tmp_path):
-    # The kernel shares processor time by session; in one of its own a servo has waited for 1 s.
-    with DaemonProcess(tmp_path / "daemon") as daemon:
-        servo = daemon.device().servo_pid
-        assert os.getsid(servo) == os.getsid(daemon.process.pid)
-        assert os.getpgid(servo) == servo
-        # Nor does a terminal stop it that lets nobody write from the background.
-        lines = Path(f"/proc/{servo}/status").read_text().splitlines()
-        (ignored,) = [int(line.split()[1], 16) for line in lines if line.startswith("SigIgn:")]
-        assert ignored >> (signal.SIGINT - 1) & 1
-        assert ignored >> (signal.SIGTTOU - 1) & 1
-
-
-@pytest.mark.real
 def test_no_process_of_a_daemon_is_in_reach_of_the_terminal(tmp_path):
     # One that is hit by Ctrl-C while it imports would end in a traceback.
     with DaemonProcess(tmp_path / "daemon") as daemon:

@@ -170,23 +170,6 @@ def test_gimbal_keeps_moving_where_a_new_target_is_refused(gimbal):
     assert gimbal.report.fault_text == ""
 
 
-@pytest.mark.slow
-def test_gimbal_is_given_new_targets_again_and_again(gimbal):
-    generator = np.random.default_rng(3)
-    handles = [gimbal.robot.move([key(0, 0, 1.5)], approach=True)]
-    for _ in range(8):
-        target = generator.normal(size=3) * 0.5
-        handles.append(gimbal.robot.move([key(*target)], approach=True))
-    assert handles[-1].wait(30.0).outcome == pb.OUTCOME_DONE
-    assert {handle.wait(5.0).outcome for handle in handles[:-1]} <= {
-        pb.OUTCOME_REPLACED,
-        pb.OUTCOME_STOPPED,
-    }
-    cycles = gimbal.log.cycles()
-    assert_smooth(cycles)
-    assert rotation.angle(np.array(cycles[-1].q), rotation.exp(target)) < 1e-6
-
-
 def test_gimbal_is_given_a_new_target_in_the_midst_of_a_passage_by_the_pole(gimbal):
     first = gimbal.robot.move(over_the_top(), approach=True)
     until(lambda: gimbal.pitch() < -79, "the pole")
@@ -200,29 +183,6 @@ def test_gimbal_is_given_a_new_target_in_the_midst_of_a_passage_by_the_pole(gimb
     at = next(k for k, cycle in enumerate(cycles) if cycle.motion == numbers(cycles)[1])
     assert abs(np.rad2deg(axes_of(cycles)[at, 1]) + 90) < 12
     assert rotation.angle(np.array(cycles[-1].q), rotation.exp([0.1, -2.2, 0])) < 1e-6
-
-
-def test_gimbal_slows_down_and_stops_in_the_midst_of_a_passage_by_the_pole(gimbal):
-    first = gimbal.robot.move(over_the_top(), approach=True)
-    until(lambda: gimbal.pitch() < -75, "the way to the pole")
-    gimbal.robot.set_speed(0.5)
-    until(lambda: gimbal.pitch() < -86, "the pole")
-    gimbal.robot.stop()
-    assert first.wait(30.0).outcome == pb.OUTCOME_STOPPED
-    assert gimbal.report.state == pb.STATE_HOLDING
-    cycles = gimbal.log.cycles()
-    assert_smooth(cycles)
-    slow = [cycle.speed for cycle in cycles if cycle.state is ServoState.STREAMING]
-    assert min(slow) == pytest.approx(0.5, abs=1e-9) or any(map(is_from_rest, cycles))
-    # It stands near the pole, off the exact path, and goes on from there on the branch it is on.
-    at = np.rad2deg(axes_of(cycles)[-1])
-    assert abs(at[1] + 90) < 15
-    gimbal.robot.set_speed(1.0)
-    second = gimbal.robot.move([key(0, -2.0, 0)], approach=True)
-    assert second.wait(30.0).outcome == pb.OUTCOME_DONE
-    cycles = gimbal.log.cycles()
-    assert_smooth(cycles)
-    assert abs(np.rad2deg(axes_of(cycles)[-1, 0]) - at[0]) < 30
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ import orientd
 from orientd import rotation
 from orientd.errors import LeaseError, LimitError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_vector
 
 pytestmark = pytest.mark.world
 
@@ -229,59 +228,10 @@ def test_a_halt_is_quicker_than_a_stop_and_keeps_the_limits(daemon, robot):
     daemon.assert_limits_kept()
 
 
-def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
-    first = long_turn(robot)
-    with robot.track() as tracking:
-        for k in range(60):
-            tracking.aim(key(0.3, 0, 0.01 * k), angular_velocity=(0.0, 0.0, 0.5))
-            time.sleep(0.02)
-        tracking.aim(key(0.3, 0, 0))
-        until(
-            lambda: tracking.report.HasField("error") and tracking.report.error < 1e-6, "the target"
-        )
-        assert tracking.report.state == pb.STATE_TRACKING
-        assert tracking.report.refused == 0
-    assert first.wait(5.0).outcome == pb.OUTCOME_REPLACED
-    assert state(robot).state == pb.STATE_HOLDING
-    assert turn(robot, 0.1).wait(10.0).outcome == pb.OUTCOME_DONE
-    daemon.assert_limits_kept()
-
-
-def test_positions_of_targets_are_followed(robot):
-    with robot.track() as tracking:
-        with pytest.raises(RequestError, match=r"target\.position"):
-            tracking.aim(key(0, 0, 0), position=(0.1, 0.2))
-        tracking.aim(key(0, 0, 0.1), position=(0.02, 0, -0.01), time_to_live=9.0)
-        until(
-            lambda: (
-                to_vector(state(robot).cycle.position) == pytest.approx((0.02, 0, -0.01), abs=1e-5)
-            ),
-            "the position",
-        )
-
-
-def test_a_target_that_is_none_is_told_of_and_left_out(robot):
-    with robot.track() as tracking:
-        tracking.aim(key(0, 0, 0.1), time_to_live=0.0)
-        tracking.aim({"rotation_vector": [0, 0, 0.1]})
-        with pytest.raises(RequestError, match=r"target\.position"):
-            tracking.aim({"rotation_vector": [0, 0, 0.1], "position": [0, 0, 0]})
-        tracking._outgoing.put(pb.TrackRequest(target=pb.TrackTarget(time_to_live=1.0)))
-        until(lambda: tracking.report.refused == 1, "the refusal")
-        assert "expected a quaternion of norm 1" in tracking.report.refusal
-
-
 def test_without_the_lease_nothing_is_followed(daemon, robot):
     robot.acquire_lease()
     with orientd.connect(daemon.socket) as other, pytest.raises(LeaseError):
         other.track()
-
-
-def test_a_motion_is_done_once_it_is_measured_to_be_on_target(robot):
-    gate = orientd.OnTarget(tolerance=1e-3, rate=1e-2, settle_time=0.2)
-    summary = turn(robot, 0.4, on_target=gate).wait(20.0)
-    assert summary.outcome == pb.OUTCOME_DONE
-    assert summary.settled_after >= 0.2
 
 
 def test_a_device_that_never_is_on_target_is_said_not_to_be(tmp_path):

@@ -11,7 +11,7 @@ from harness import until
 from scipy.spatial.transform import Rotation
 
 import orientd
-from orientd.errors import OrientdError, RequestError
+from orientd.errors import OrientdError
 from orientd.protocol import to_vector
 from orientd_loopback import read_recording
 
@@ -136,23 +136,6 @@ def test_a_noisy_chunk_is_smoothed_within_its_tolerance(robot):
     assert angle_of(play.report) == pytest.approx(0.29, abs=1e-3)
     assert to_vector(play.report.position) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
     assert play.timing().skipped == 1
-
-
-def test_a_chunk_that_is_not_well_formed_is_refused_at_once(robot):
-    wrong = [
-        ({}, "rate"),
-        ({"rate": 30.0, "times": [0.1, 0.2]}, "times"),
-        ({"times": [0.1]}, "times"),
-        ({"rate": 30.0, "positions": [[0, 0, 0]]}, "positions"),
-        ({"rate": 30.0, "angular_velocities": [[0, 0]] * 2}, "angular_velocities"),
-        ({"rate": 30.0, "velocity_frame": "tool"}, "velocity_frame"),
-        ({"rate": 30.0, "tolerance": -1.0}, "tolerance"),
-        ({"rate": 30.0, "tolerance": 0.1, "angular_velocities": [[0, 0, 0]] * 2}, "tolerance"),
-    ]
-    with robot.play() as play:
-        for options, field in wrong:
-            with pytest.raises(RequestError, match=field):
-                play.chunk(about_z([0.0, 0.1]), **options)
 
 
 def test_a_stop_ends_the_playing(daemon, robot, before):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import begin, environment
-from harness import DEVICE, DaemonProcess, spin, until
+from harness import DEVICE, DaemonProcess, resident_kib, spin, until
 from recorded import validated
 
 from orientd.protocol import control_pb2 as pb
@@ -88,6 +88,7 @@ def test_a_fault_leaves_the_whole_minute_before_it(tmp_path):
     with patient(tmp_path / "daemon", options=f'fault_file = "{fault}"') as daemon:
         daemon.move(spin(120.0))
         until(lambda: daemon.device().path_time > 63.0, "a minute of motion", 90.0)
+        assert resident_kib(daemon.process.pid) <= 80 * 1024  # with that minute in memory
         fault.write_text("device_fault")
         folder = daemon.folder / "state"
         (path,) = until(lambda: sorted(folder.rglob("flight-*.mcap")), "a file", 30.0)

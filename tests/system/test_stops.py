@@ -191,16 +191,6 @@ def test_a_servo_that_is_started_again_hears_of_stops(daemon):
     ended(daemon)
 
 
-def test_a_servo_that_stands_still_is_said_not_to_answer(daemon):
-    pid = daemon.device().servo_pid
-    os.kill(pid, signal.SIGSTOP)
-    try:
-        with pytest.raises(DaemonError, match="no servo of arm answers the stop"):
-            ask_to_stop(daemon.socket, "stop")
-    finally:
-        os.kill(pid, signal.SIGCONT)
-
-
 @pytest.fixture
 def pair(tmp_path):
     """Return a daemon with two devices; the servo of the arm reads nothing and has no room left."""

@@ -1,5 +1,6 @@
 """The standard test set says what the families do."""
 
+import effort
 import pytest
 import regenerate
 import sequences
@@ -61,3 +62,10 @@ def test_published_results_are_what_the_families_do(sequence, families):
 def test_the_overview_is_of_the_published_results():
     text = (regenerate.HERE / "README.md").read_text(encoding="utf-8")
     assert text == regenerate.readme()
+
+
+@pytest.mark.slow
+def test_the_published_efforts_are_what_the_families_take():
+    columns = {step: effort.column(step, range(effort.SEEDS)) for step in effort.STEPS_DEG}
+    published = (regenerate.HERE / "EFFORT.md").read_text(encoding="utf-8")
+    assert published == effort.table(columns, effort.SEEDS)

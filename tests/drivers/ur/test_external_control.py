@@ -4,101 +4,11 @@ import socket
 import struct
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
-SCRIPT = """
-def external_control():
-  SCALE = 1000000
-  IDLE = 0
-  SERVO = 1
-  SPEED = 2
-  TRAJECTORY = 3
-  global mode = IDLE
-  global goal = get_actual_joint_positions()
-  global points_left = 0
-  thread_move = 0
-
-  thread servo():
-    while mode == SERVO:
-      enter_critical
-      q = goal
-      exit_critical
-      servoj(q, t=get_steptime(), lookahead_time=0.03, gain=1000)
-    end
-    stopj(4.0)
-  end
-
-  thread speed():
-    while mode == SPEED:
-      speedj(goal, 40.0, get_steptime())
-    end
-    stopj(4.0)
-  end
-
-  thread trajectory():
-    enter_critical
-    while points_left > 0:
-      point = socket_read_binary_integer(7, "driver", 0.5)
-      points_left = points_left - 1
-      if point[0] > 0:
-        movej([point[1], point[2], point[3], point[4], point[5], point[6]] / SCALE,
-          t = point[7] / SCALE)
-      end
-    end
-    exit_critical
-    socket_send_int(0, "driver")
-  end
-
-  def connect(tries=5):
-    local n = 0
-    while n < tries:
-      if socket_open("HOST", PORT, "driver"):
-        return True
-      end
-      sleep(0.1)
-      n = n + 1
-    end
-    return False
-  end
-
-  if not connect():
-    popup("no driver", title="External control", blocking=True, error=True)
-    halt
-  end
-  textmsg("connected")
-  while True:
-    enter_critical
-    order = socket_read_binary_integer(7, "driver", 0.2)
-    if order[0] > 0:
-      if order[1] != mode:
-        mode = order[1]
-        join thread_move
-        if mode == SERVO:
-          thread_move = run servo()
-        elif mode == SPEED:
-          thread_move = run speed()
-        end
-      end
-      if mode == TRAJECTORY:
-        points_left = order[2]
-        thread_move = run trajectory()
-        join thread_move
-      elif mode == IDLE or
-        mode == SERVO or mode == SPEED:
-        goal = [order[2], order[3], order[4], order[5], order[6], order[7]] / SCALE
-      end
-    else:
-      textmsg("timed out")
-      mode = IDLE
-      kill thread_move
-      stopj(4.0)
-      halt
-    end
-    exit_critical
-  end
-end
-"""
+SCRIPT = (Path(__file__).parents[2] / "data/ur/external_control.script").read_text()
 
 
 @contextmanager

@@ -112,14 +112,6 @@ def test_options_of_the_file_go_to_its_method(tmp_path):
     assert families["kks_bspline"]["continuity"] == 1
 
 
-def test_all_families_are_drawn_side_by_side(tmp_path):
-    pytest.importorskip("matplotlib")
-    path = tmp_path / "sheet.svg"
-    report = told("compare", STANDARD / "fly_through.yaml", "--plot", path)
-    assert report["plot"] == str(path)
-    assert "family-squad" in path.read_text()
-
-
 @pytest.mark.parametrize("show", ["motion", "triads", "rates", "body"])
 def test_a_motion_file_is_drawn(tmp_path, show):
     pytest.importorskip("matplotlib")

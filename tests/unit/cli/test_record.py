@@ -34,20 +34,6 @@ def table(tmp_path_factory):
     return path
 
 
-def test_export_writes_what_was_sent_and_measured_apart(recording, tmp_path):
-    for name in ("a.csv", "a.npz"):
-        assert inside("export", recording, "-o", tmp_path / name).returncode == 0
-    with np.load(tmp_path / "a.npz") as opened:
-        arrays = dict(opened)
-    rows = (tmp_path / "a.csv").read_text().splitlines()
-    assert rows[0].split(",") == list(arrays)
-    assert len(rows) == 1501
-    first = moving(1500)[0]
-    np.testing.assert_allclose(arrays["sent_qw"][0], first["sent_q"][0], atol=1e-9)
-    np.testing.assert_allclose(arrays["measured_qw"][0], first["measured_q"][0], atol=1e-8)
-    assert arrays["measured_time_s"][0] < arrays["time_s"][0]
-
-
 def test_parquet_holds_the_same_table(recording, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     for name in ("a.npz", "a.parquet"):
@@ -67,13 +53,6 @@ def test_parquet_without_pyarrow_is_refused_in_one_line(recording, tmp_path, mon
 
 def test_an_ending_that_is_not_known_is_a_mistake_of_usage(recording, tmp_path):
     assert inside("export", recording, "-o", tmp_path / "a.xlsx").returncode == 2
-
-
-def test_plot_draws_a_recording(recording, tmp_path):
-    pytest.importorskip("matplotlib")
-    assert inside("plot", recording, "-o", tmp_path / "a.svg").returncode == 0
-    drawn = (tmp_path / "a.svg").read_text()
-    assert "<svg" in drawn
 
 
 def test_replay_says_what_it_made_of_the_samples_and_certifies(table, tmp_path):

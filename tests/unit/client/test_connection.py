@@ -9,31 +9,6 @@ from orientd.client.robot import Robot
 from orientd.errors import DaemonError
 from orientd_fleet import connect_fleet
 
-AIM = [{"rotation_vector": [0.1, 0.0, 0.0]}]
-
-CALLS = {
-    "state": lambda robot: robot.state(),
-    "watch": lambda robot: next(robot.watch()),
-    "observe": lambda robot: robot.observe().configuration(),
-    "records": lambda robot: next(robot.observe().records()),
-    "plan": lambda robot: robot.plan(AIM),
-    "move": lambda robot: robot.move(AIM),
-    "track": lambda robot: robot.track(),
-    "stop": lambda robot: robot.stop(),
-    "enable": lambda robot: robot.enable(),
-    "lease": lambda robot: robot.acquire_lease(beside=True),
-}
-
-
-@pytest.mark.parametrize("name", CALLS)
-def test_a_closed_client_says_that_it_is_closed(tmp_path, name):
-    robot = Robot(Way(tmp_path / "a.sock"), holder="ana", timeout=1.0)
-    robot.close()
-    robot.close()
-    with pytest.raises(DaemonError) as caught:
-        CALLS[name](robot)
-    assert str(caught.value) == f"the connection to {tmp_path}/a.sock is closed"
-
 
 def test_what_is_called_wrongly_is_not_taken_for_a_closed_connection(tmp_path):
     robot = Robot(Way(tmp_path / "a.sock"), holder="ana", timeout=1.0)

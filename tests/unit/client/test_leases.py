@@ -101,15 +101,6 @@ def test_a_seized_lease_goes_before_one_that_was_refused(leases):
     assert leases.needed("arm") == "t2"
 
 
-def test_a_lease_is_given_back_even_if_the_daemon_knows_better(daemon, leases):
-    leases.release()
-    assert daemon.released == []
-    leases.needed("arm")
-    leases.release()
-    assert daemon.released == ["t1"]
-    assert not leases.is_held("arm")
-
-
 def test_a_release_whose_stop_has_no_answer_is_an_error(daemon, leases):
     leases.needed("arm")
     leases.needed("leg")
@@ -127,14 +118,6 @@ def test_a_lost_lease_is_an_error_once_then_acquired_again(daemon, leases):
     with pytest.raises(LeaseError, match="the lease was lost: it has expired"):
         leases.needed("arm")
     assert leases.needed("arm") == "t2"
-
-
-def test_a_daemon_that_is_slow_once_does_not_cost_the_lease(daemon, leases):
-    daemon.failures = [DaemonError("slow")]
-    quick(daemon, leases)
-    for _ in range(RENEWALS + 2):
-        assert daemon.renewed.acquire(timeout=10.0)
-    assert leases.is_held("arm")
 
 
 def test_a_daemon_that_is_slow_now_and_then_does_not_cost_the_lease(daemon, leases):

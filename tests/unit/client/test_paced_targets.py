@@ -37,22 +37,11 @@ def test_of_targets_for_their_arrival_the_newest_is_sent():
     assert len(skipped) == COUNT - 2
 
 
-def test_without_a_spacing_every_target_is_sent(monkeypatch):
-    monkeypatch.setattr(tracking, "_SPACING", 0.0)
-    assert len(sent(*map(target, range(COUNT)))) == COUNT
-
-
 def test_targets_with_a_time_and_other_messages_are_all_sent_in_order():
     begin = pb.TrackRequest(start=pb.TrackStart(device="arm"))
     chunk = pb.TrackRequest(chunk=pb.TrackChunk(times_ns=[1]))
     stamped = [target(number, time_ns=1 + number) for number in range(100)]
     assert sent(begin, *stamped, chunk, *stamped) == [begin, *stamped, chunk, *stamped]
-
-
-def test_a_target_that_another_message_follows_is_sent_before_it():
-    chunk = pb.TrackRequest(chunk=pb.TrackChunk(times_ns=[1]))
-    found = sent(target(1), target(2), target(3), chunk, target(4))
-    assert found == [target(1), target(3), chunk, target(4)]
 
 
 def poses_of(times_ns, orientations, frame=pb.FRAME_BODY, rates=()):

@@ -123,10 +123,6 @@ def test_a_base_that_is_hit_is_predicted_by_its_new_rate_at_once(rate_hz, jump):
         angle += speed / rate_hz
 
 
-def test_loss_and_noise_show_little():
-    assert base_error(1.0, LIMITS, 500, with_rate=True, loss=0.02) < 3e-3
-
-
 @pytest.mark.parametrize("azimuth", [20.0, -100.0])
 def test_the_roll_is_the_least_also_through_the_zenith(azimuth):
     session, spin = Session(), []
@@ -365,21 +361,6 @@ def test_a_base_that_is_sampled_faster_than_targets_are_useful_is_thinned_out():
     session.stream(1.0, lambda t, s: session.base(as_user(IDENTITY), time_ns=s), fps=1000)
     session.run(1.1)
     assert 150 < len(session.sent) < 300
-
-
-def test_of_samples_that_arrive_together_the_newest_counts():
-    session, turn = Session(), exp((0.0, 0.0, 0.05))
-    start_ns = session.now_ns
-    session.now(lambda: session.look_at([1.0, 0.0, 0.0]))
-    for k, q in enumerate((IDENTITY, IDENTITY, turn)):
-        session.at(
-            start_ns,
-            lambda q=q, s=start_ns - 60_000_000 + 20_000_000 * k: session.base(
-                as_user(q), angular_velocity=[0.0, 0.0, 0.0], time_ns=s, time_to_live=60.0
-            ),
-        )
-    session.run(1.0)
-    assert off_line(multiply(turn, session.world.guard.q), (1.0, 0.0, 0.0)) < 1e-6
 
 
 def test_a_gimbal_of_two_axes_points_there_whatever_the_roll():

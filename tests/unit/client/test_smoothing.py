@@ -42,12 +42,3 @@ def test_straight_motion_and_short_chunks_stay_as_they_are():
         q, _ = noisy(1e-3)
         few = smoothed_orientations(TIMES[:count], q[:count], 1e-3)
         assert np.array_equal(few, q[:count])
-
-
-def test_the_sign_of_a_quaternion_does_not_matter():
-    q, _ = noisy(1e-3)
-    signs = np.where(np.arange(30) % 3 == 0, -1.0, 1.0)[:, None]
-    angles = rotation.angle(
-        smoothed_orientations(TIMES, signs * q, 3e-3), smoothed_orientations(TIMES, q, 3e-3)
-    )
-    assert angles.max() < 1e-9

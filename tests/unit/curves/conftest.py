@@ -4,10 +4,8 @@ A family that takes ``keys`` and ``times`` needs no line here.
 """
 
 import functools
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -296,10 +294,3 @@ def random_keys():
         return np.array(keys)
 
     return make
-
-
-@pytest.fixture
-def golden():
-    """Reads a reference curve of ``tests/data/golden`` by its name."""
-    folder = Path(__file__).parents[2] / "data" / "golden"
-    return lambda name: json.loads((folder / f"{name}.json").read_text())

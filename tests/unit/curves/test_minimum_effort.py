@@ -1,14 +1,10 @@
 """The spline of least effort: distance from the optimum, derivatives, ends, limits."""
 
 import json
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
-from scipy.sparse import csr_matrix
-from scipy.spatial.transform import Rotation
 
 from orientd.curves import METHODS
 from orientd.curves.keyframes import resolve_times
@@ -57,54 +53,6 @@ def test_the_effort_is_near_the_optimum_on_a_fine_grid(name, spans, excess, kind
     curve = LEAST(**asked, spans=spans, inertia=inertia)
     ratio = effort(curve, inertia) / OPTIMA[name][kind]["limit"]
     assert 1.0 - 1e-5 < ratio < 1.0 + excess
-
-
-def transcribed(curve, inertia, pieces):
-    """The least effort of points on a grid that pass the keyframes, from those of a curve on.
-
-    Nothing is a spline here: velocities are logarithms between neighbouring points, accelerations
-    differences of these, and what is free is where each point between the keyframes is.
-    """
-    knots = np.unique(curve.knots)[:: len(np.unique(curve.knots)) // (len(TIMES) - 1)]
-    times = np.concatenate([np.linspace(a, b, pieces + 1)[:-1] for a, b in pairwise(knots)])
-    times = np.append(times, knots[-1])
-    points = Rotation.from_quat(curve.evaluate(times)[0], scalar_first=True)
-    free = np.flatnonzero(np.arange(len(times)) % pieces)
-    h = np.diff(times)
-    middle = 0.5 * (h[1:] + h[:-1])
-
-    def residuals(turns):
-        moves = np.zeros((len(times), 3))
-        moves[free] = turns.reshape(-1, 3)
-        moved = points * Rotation.from_rotvec(moves)
-        omega = (moved[:-1].inv() * moved[1:]).as_rotvec() / h[:, None]
-        alpha = np.diff(omega, axis=0) / middle[:, None]
-        here = (omega[1:] * h[:-1, None] + omega[:-1] * h[1:, None]) / (2.0 * middle[:, None])
-        torque = alpha @ inertia + np.cross(here, here @ inertia)
-        return (torque * np.sqrt(middle)[:, None]).ravel()
-
-    near = np.abs(np.arange(1, len(times) - 1)[:, None] - free) <= 1
-    found = least_squares(
-        residuals,
-        np.zeros(3 * len(free)),
-        jac_sparsity=csr_matrix(np.kron(near, np.ones((3, 3)))),
-        x_scale=1.0,
-        ftol=1e-7,
-        max_nfev=40,
-    )
-    return 2.0 * found.cost
-
-
-@pytest.mark.parametrize(("seed", "step"), [(0, 1.6), (1, 2.4), (10, 2.4), (12, 2.7), (3, 2.95)])
-def test_with_an_inertia_it_is_near_what_points_on_a_grid_can_do(random_keys, seed, step):
-    inertia = np.array([[1.0, 0.1, 0.0], [0.1, 0.6, -0.1], [0.0, -0.1, 0.5]])
-    keys = random_keys(len(TIMES), step, seed=seed)
-    usual, two = (LEAST(keys=keys, times=TIMES, inertia=inertia, spans=n) for n in (None, 2))
-    scale = np.linalg.eigvalsh(inertia)[-1]
-    coarse, fine = (transcribed(usual, inertia / scale, pieces) for pieces in (12, 24))
-    least = (4.0 * fine - coarse) / 3.0
-    assert effort(usual, inertia / scale) < 1.005 * least
-    assert effort(two, inertia / scale) < 1.01 * least
 
 
 @pytest.mark.parametrize("name", OPTIMA)

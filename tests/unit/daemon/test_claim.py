@@ -36,12 +36,6 @@ def test_a_directory_that_everybody_can_write_is_refused(path):
     assert list(path.parent.iterdir()) == []
 
 
-def test_nothing_is_left_at_the_end(path):
-    with claimed(path):
-        left_behind(path)
-    assert list(path.parent.iterdir()) == []
-
-
 def test_a_second_claim_is_refused_and_names_the_first(path):
     with claimed(path):
         with (
@@ -58,13 +52,6 @@ def test_a_stale_socket_is_removed(path):
     left_behind(path)
     with claimed(path):
         assert not path.exists()
-
-
-def test_a_stale_lock_is_taken_over(path):
-    path.parent.mkdir()
-    path.with_name("control.sock.lock").write_text("99999\n")
-    with claimed(path):
-        assert path.with_name("control.sock.lock").read_text() == f"{os.getpid()}\n"
 
 
 def test_a_socket_that_somebody_else_listens_at_is_left_alone(path):
@@ -101,14 +88,6 @@ def test_a_file_that_is_no_lock_is_left_alone(path, content):
     with pytest.raises(DaemonError, match="is no lock of a daemon: move it away"), claimed(path):
         pass
     assert mine.read_text() == content
-
-
-def test_a_file_that_is_no_socket_is_left_alone(path):
-    path.parent.mkdir()
-    path.write_text("precious")
-    with pytest.raises(DaemonError, match="is not a socket"), claimed(path):
-        pass
-    assert path.read_text() == "precious"
 
 
 def test_a_directory_that_cannot_be_made_is_refused(tmp_path):

@@ -15,7 +15,7 @@ from fake_device import FakeServo, servo_of, tend
 from emulated_dynamixel import ManualClock
 from orientd import config
 from orientd.daemon.device import AT_ONCE, EventKind, MoveOptions
-from orientd.daemon.devices import KEPT_PLANS, Devices
+from orientd.daemon.devices import Devices
 from orientd.errors import (
     DaemonError,
     Fault,
@@ -23,14 +23,13 @@ from orientd.errors import (
     LeaseError,
     NotYetError,
     RequestError,
-    StartError,
     StateError,
     UnknownNameError,
 )
-from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.planner import Keyframe, Limits, MotionRequest
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
-from orientd.stream.records import Command, ServoState
+from orientd.stream.records import ServoState
 from orientd_loopback import LoopbackDriver
 
 SECOND = 1_000_000_000
@@ -137,16 +136,6 @@ def ended(device, run):
     settle(device)
     tend(device)
     return run.ended.result(0)
-
-
-def test_only_motions_of_that_lease_are_stopped_with_it(devices, arm, servo):
-    lease = devices.leases.acquire("ana")
-    run = begin(devices, arm, lease.token)
-    servo.finish()
-    assert ended(arm, run)[0] == pb.OUTCOME_DONE
-    devices.leases.release(lease.token)
-    settle(arm)
-    assert "stop" not in servo.asked
 
 
 def test_an_expiry_alone_ends_hand_guiding(devices, arm, clock):
@@ -304,29 +293,6 @@ def test_a_kept_plan_is_found_by_its_name_and_device(devices, arm):
             devices.plans.find(device.name, name)
 
 
-def test_few_plans_are_kept(devices, arm):
-    plans = [plan(devices, arm) for _ in range(KEPT_PLANS + 1)]
-    with pytest.raises(UnknownNameError):
-        devices.plans.find(arm.name, plans[0].id)
-    assert devices.plans.find(arm.name, plans[1].id).id == plans[1].id
-
-
-@pytest.mark.parametrize(
-    ("where", "what"),
-    [
-        (State.at_rest((0.8, 0.6, 0.0, 0.0)), "rad from where device 'arm'"),
-        (State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.1)), "0.1 m from where device 'arm'"),
-    ],
-)
-def test_a_plan_that_begins_elsewhere_is_refused(devices, arm, servo, where, what):
-    token = devices.leases.acquire("ana").token
-    motion = plan(devices, arm)
-    q, position = tuple(where.q.tolist()), tuple(where.position.tolist())
-    servo.be(ServoState.HOLDING, q=q, position=position)
-    with pytest.raises(StartError, match=what):
-        start(arm, token, motion)
-
-
 def test_a_name_may_be_left_out_where_there_is_one_device(devices):
     with pytest.raises(RequestError, match=r"^device: expected one of arm, leg, got nothing"):
         devices.device("")
@@ -353,28 +319,11 @@ def test_shutdown_stops_what_runs_and_takes_no_more(devices, arm, servo):
         devices.check(token, arm, "")
 
 
-def test_shutdown_stops_nothing_that_never_started(devices, servo, caplog):
-    servo.fail(Fault.SERVO_DIED, "no such device")
-    caplog.clear()
-    devices.shutdown()
-    assert "stop" not in servo.asked
-    assert not caplog.records
-
-
 def test_what_keeps_a_device_from_being_ready_is_told(devices, servo):
     servo_of(devices.device("leg")).wait_ready = lambda timeout: True
     servo.wait_ready = lambda timeout: False
     servo.fail(Fault.SERVO_DIED, "no such device")
     assert devices.wait_ready(1.0) == ["device arm: no such device"]
-
-
-def test_nobody_waits_for_devices_of_a_daemon_that_ends(devices):
-    stopping = threading.Event()
-    stopping.set()
-    assert devices.wait_ready(3600.0, is_cancelled=stopping.is_set) == [
-        "device arm: not ready after 3600 s",
-        "device leg: not ready after 3600 s",
-    ]
 
 
 def test_a_motion_waits_for_a_steady_speed_and_says_so(devices, arm, servo):
@@ -455,41 +404,10 @@ def test_all_devices_are_stopped_at_once(devices):
     assert not together.broken
 
 
-def test_the_daemon_going_down_stops_all_devices_at_once(devices):
-    together = threading.Barrier(2)
-    for device in devices.by_name.values():
-        servo_of(device).ask = lambda command: together.wait(10.0)
-    devices.shutdown()
-    assert not together.broken
-
-
 @pytest.mark.parametrize("speed", [0.0, -0.5, 1.5, float("nan")])
 def test_a_speed_that_is_none_or_above_the_planned_one_is_refused(arm, speed):
     with pytest.raises(ValueError, match="speed must be above 0 and at most 1"):
         arm.set_speed(speed)
-
-
-def test_a_lease_that_ends_stops_a_device_whose_reset_hangs(devices, arm, servo):
-    lease, resetting, done = devices.leases.acquire("ana"), threading.Event(), threading.Event()
-    run = begin(devices, arm, lease.token)
-    asked = servo.ask
-
-    def ask(command, **more):
-        if command is Command.RESET:
-            resetting.set()
-            done.wait(30.0)
-        return asked(command, **more)
-
-    servo.ask = ask
-    reset = arm.workers.commands.submit(arm.reset)
-    resetting.wait(10.0)
-    devices.leases.release(lease.token)
-    arm.workers.stops.submit(lambda: None).result(10.0)
-    assert "stop" in servo.asked
-    assert "was released" in run.reason
-    assert not reset.done()
-    done.set()
-    reset.result(10.0)
 
 
 class Held:

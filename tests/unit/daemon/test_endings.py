@@ -60,29 +60,10 @@ def test_done_once_the_axes_have_arrived(arriving, servo, told):
     assert told == [(EventKind.MOTION_DONE, 3, "")]
 
 
-def test_fault_ends_it_with_its_reason(arriving, servo, told):
-    servo.cycle = cycle(9, motion=3, state=ServoState.FAULT)
-    arriving.look("")
-    assert not told
-    arriving.look("yaw has not arrived")
-    assert told == [(EventKind.MOTION_STOPPED, 3, "yaw has not arrived")]
-
-
-def test_motion_that_begins_before_they_arrive_leaves_it_passed(arriving, servo, told):
-    arriving.end("another motion began", EventKind.MOTION_PASSED)
-    text = "another motion began before its axes had arrived"
-    assert told == [(EventKind.MOTION_PASSED, 3, text)]
-
-
 def test_device_that_is_disabled_before_they_arrive_has_stopped(arriving, servo, told):
     servo.cycle = cycle(9, motion=3, state=ServoState.IDLE)
     arriving.look("")
     assert [one[0] for one in told] == [EventKind.MOTION_STOPPED]
-
-
-def test_queued_motion_does_not_wait_for_the_axes(arriving, servo, told):
-    arriving.arrive(FOURTH, ARRIVING, is_followed=True)
-    assert told[-1] == (EventKind.MOTION_DONE, 4, "")
 
 
 # Corners

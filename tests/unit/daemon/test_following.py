@@ -82,14 +82,6 @@ def test_a_chunk_in_unix_time_is_named_for_that(clock):
     assert text.endswith("is Unix time; give the daemon's monotonic clock, now 100000000000 ns")
 
 
-def test_good_targets_tell_nothing(clock):
-    device = Device()
-    session = Following(device)
-    session.take(TARGET)
-    session.take_chunk(pose(round(1e9 * clock.s) + 1))
-    assert device.events == []
-
-
 @pytest.fixture
 def followed():
     """A device whose servo has the rings of a real one."""

@@ -167,14 +167,6 @@ def test_several_devices_are_had_all_or_none_in_a_fixed_order(pair):
     assert pair.acquire("ana", devices=["leg", "arm"]).devices == ("arm", "leg")
 
 
-def test_who_holds_something_else_is_not_named(clock):
-    leases = leases_of(["arm", "leg", "cam"], clock)
-    ana = leases.acquire("ana", devices=["arm"])
-    leases.acquire("ben", devices=["cam"])
-    with pytest.raises(LeaseError, match="the lease covers arm, not leg"):
-        leases.check(ana.token, "leg")
-
-
 def test_programs_of_one_identity_share_a_device_on_purpose_alone(pair):
     first = pair.acquire("ana", "user:1", devices=["arm"])
     with pytest.raises(LeaseError, match="with --lease, this commands beside it"):

@@ -31,20 +31,6 @@ def log(pipe):
     handler.close()
 
 
-def read_until(descriptor, word):
-    found = b""
-    while word not in found:
-        found += os.read(descriptor, 65536)
-    return found
-
-
-def test_lines_are_written_in_order(pipe, log):
-    for k in range(10):
-        log.warning("line %d ü", k)
-    lines = read_until(pipe[0], b"line 9").decode().splitlines()
-    assert lines == [f"line {k} ü" for k in range(10)]
-
-
 def test_nobody_waits_for_a_reader_and_what_is_lost_is_counted(pipe, log, caplog):
     count = 5 * MOST_LINES
     for k in range(count):
@@ -77,15 +63,3 @@ def test_the_end_does_not_wait_for_a_reader_who_never_comes(pipe):
     found = b""
     while found.count(b"\n") < MOST_LINES:
         found += os.read(pipe[0], 65536)
-
-
-def test_a_reader_who_is_gone_is_no_trouble():
-    read, write = os.pipe()
-    logger = logging.Logger("of a test")
-    handler = writing_to(write)
-    logger.addHandler(handler)
-    os.close(read)
-    logger.warning("to nobody")
-    handler.close()
-    assert handler.queue.empty()
-    os.close(write)

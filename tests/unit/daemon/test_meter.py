@@ -79,16 +79,6 @@ def test_stops_for_a_stall_are_counted_and_not_differentiated(motion):
     assert found.acceleration == pytest.approx(rate, rel=1e-6)
 
 
-def test_what_was_sent_as_planned_measures_as_certified(motion):
-    found, certificate = measure(motion, sent(motion)), motion.certificate
-    assert found.cycles == motion.record_count - 1
-    assert found.velocity == pytest.approx(certificate.peak_velocity.on_records, rel=1e-9)
-    assert found.acceleration == pytest.approx(certificate.peak_acceleration.on_records, rel=1e-7)
-    assert found.jerk == pytest.approx(certificate.peak_jerk.on_records, rel=1e-5)
-    assert found.path_error < 1e-12
-    assert found.tracking_error < 1e-12
-
-
 def test_a_wrong_end_velocity_is_measured(motion):
     cycles = sent(motion)
     cycles["sent_omega_body"] += [0.003, 0.0, 0.004]

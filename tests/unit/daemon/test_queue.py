@@ -71,30 +71,6 @@ def test_a_motion_that_cannot_be_blended_any_more_is_not_taken(link, refusal):
     assert motion_queue.last.last_record == first.last_record
 
 
-def test_a_stop_between_two_motions_stops_only_the_second_one(link):
-    first, told = turn(0.5), []
-
-    def tell(kind, queued, _):
-        told.append((kind, queued.number))
-
-    motion_queue = MotionQueue(link, tell, lead=0.0, read_ahead=700)
-    motion_queue.begin(QueuedMotion(first, number=1))
-    end = state_at(first, first.last_record)
-    following = QueuedMotion(turn(0.5, end.q), number=2)
-    motion_queue.append(following, SplicePoint(1, first.rest_record))
-    place = first.last_record + 1
-    link.now = SimpleNamespace(
-        motion=1,
-        path_index=place,
-        path_fraction=0.0,
-        state=ServoState.HOLDING,
-        flags=0,
-        index=place,
-    )
-    motion_queue.tend()
-    assert told == [(EventKind.MOTION_DONE, 1), (EventKind.MOTION_STOPPED, 2)]
-
-
 def test_a_motion_that_the_servo_has_left_for_one_whose_answer_was_late_has_ended(link):
     told = []
     motion_queue = MotionQueue(link, lambda *what: told.append(what), lead=0.0, read_ahead=700)

@@ -60,19 +60,6 @@ def daemon_of(tmp_path):
         )  # fmt: skip
 
 
-def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(daemon_of, caplog):
-    pytest.importorskip("prometheus_client")
-    with caplog.at_level(logging.ERROR), socket.create_server(("127.0.0.1", 0)) as taken:
-        after = settings(metrics={"port": taken.getsockname()[1]})
-        daemon = daemon_of(lambda: after)
-        asyncio.run(daemon._apply_settings())
-        assert "cannot listen" in caplog.text
-        taken.close()
-        asyncio.run(daemon._apply_settings())
-    assert daemon._telemetry is not None
-    daemon._telemetry.close()
-
-
 def test_a_reload_reads_off_the_event_loop_and_applies_all_or_nothing(daemon_of, caplog):
     """Settings whose last part fails change nothing, and the loop runs while they are read."""
     pytest.importorskip("prometheus_client")

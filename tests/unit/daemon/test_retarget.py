@@ -10,13 +10,12 @@ from direct_planners import DirectPlanners, order_of, state_at
 
 from orientd import config
 from orientd.daemon.device import retarget
-from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.retarget import ReplanningHorizon, Retargeting
 from orientd.daemon.planners.task import PlanInput, record_at_rest
 from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import ZERO
-from orientd.errors import LateError, LimitError
+from orientd.errors import LimitError
 from orientd.planner import Keyframe, Limits, MotionRequest
 from orientd.stream.records import Command, ServoState
 
@@ -113,22 +112,6 @@ def test_a_motion_that_can_begin_nowhere_on_the_way_begins_at_rest(planners, fir
     assert found == (None, None, 2, ServoState.HOLDING)
 
 
-def test_what_nothing_on_the_way_can_mend_is_refused_at_once(planners, first):
-    keys = [Keyframe(OTHER, time=0.0), Keyframe(HERE, time=0.01)]
-    order = order_of(MotionRequest(keys, approach=True))
-    with pytest.raises(LimitError, match="between keyframes"):
-        successor(planners, first, order, SplicePoint(1, 20))
-
-
-def test_a_motion_that_ended_while_its_successor_was_planned_is_too_late(planners, first):
-    class Emptied(Queue):
-        ahead = MotionQueue(SimpleNamespace(), print, lead=0.0, read_ahead=0).ahead
-
-    leave = SplicePoint(1, 20)
-    with pytest.raises(LateError, match="has ended"):
-        successor(planners, first, to(AIM), leave, queue=Emptied(first, leave))
-
-
 # The replanning horizon
 
 
@@ -174,17 +157,3 @@ def test_a_motion_that_takes_seconds_to_plan_is_in_time_at_last():
     horizon = learnt(3.0)
     assert horizon.ahead(KIND) < 1.0
     assert max(horizon.ahead(KIND, [0.25] * late) for late in range(6)) > 3.0
-
-
-def test_every_attempt_to_plan_one_request_is_for_the_same_time(planners, first, monkeypatch):
-    times, whole = [], planners.plan
-
-    async def plan(plan_input, call, **options):
-        times.append(plan_input.unix_ns)
-        return await whole(plan_input, call, **options)
-
-    monkeypatch.setattr(planners, "plan", plan)
-    order = to(OTHER, limits=GENTLE)
-    successor(planners, first, order, SplicePoint(1, RISING))
-    assert len(times) > 1
-    assert set(times) == {order.unix_ns}

@@ -16,7 +16,7 @@ from orientd.config import Role
 from orientd.daemon.access.identity import Caller, Identity
 from orientd.daemon.calls.service import Service
 from orientd.daemon.devices import Devices
-from orientd.errors import DaemonError, LeaseError, RequestError, UnknownNameError
+from orientd.errors import DaemonError
 from orientd.protocol import control_pb2 as pb
 
 SETTINGS = {
@@ -62,103 +62,6 @@ def started(service, request, caller=ANA):
             return (await anext(answers)).started
 
     return asyncio.run(first())
-
-
-def test_commands_need_the_lease(service, devices):
-    with pytest.raises(LeaseError, match="needs the lease"):
-        asyncio.run(service.Enable(pb.CommandRequest(device="arm"), ANA))
-    token = lease_of(service).token
-    answer = asyncio.run(service.Enable(pb.CommandRequest(device="arm", lease_token=token), ANA))
-    assert answer.device.name == "arm"
-    assert servo_of(devices.device("arm")).asked == ["enable"]
-
-
-def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(
-    service, devices, monkeypatch
-):
-    token, begun = lease_of(service).token, []
-    monkeypatch.setattr(devices.device("arm"), "set_speed", begun.append)
-
-    async def commands():
-        requests = [
-            pb.SetSpeedRequest(lease_token=token, device="arm", speed=speed)
-            for speed in (0.3, 0.5, 0.7)
-        ]
-        await asyncio.gather(*[service.SetSpeed(one, ANA) for one in requests])
-
-    asyncio.run(commands())
-    assert begun == pytest.approx([0.3, 0.5, 0.7])
-
-
-def test_a_move_without_a_token_takes_the_lease_of_its_device_and_returns_it(service, devices):
-    request = pb.MoveRequest(device="arm", motion=TURN, holder="ana's program")
-    begun = started(service, request)
-    assert (begun.motion_number, begun.lease.devices) == (1, ["arm"])
-    assert begun.lease.seconds == 5.0
-    (held,) = devices.leases.held()
-    assert (held.token, held.holder, held.owner) == (begun.lease.token, "ana's program", "user:1")
-
-
-def test_a_move_with_a_token_returns_no_lease(service):
-    request = pb.MoveRequest(device="arm", motion=TURN, lease_token=lease_of(service).token)
-    assert not started(service, request).HasField("lease")
-
-
-def test_a_move_takes_no_lease_that_somebody_holds_but_beside_its_own_on_purpose(service, devices):
-    lease_of(service, devices=["arm"])
-    request = pb.MoveRequest(device="arm", motion=TURN, holder="another")
-    for caller in (ANA, BEN):
-        with pytest.raises(LeaseError, match="the lease of arm is held by 'test'"):
-            started(service, request, caller)
-    request.beside = True
-    with pytest.raises(LeaseError, match="held by 'test'"):
-        started(service, request, BEN)
-    assert started(service, request, ANA).lease.token
-    assert len(devices.leases.held()) == 2
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"motion": pb.MotionRequest()},
-        {"motion_id": "nonsense"},
-        {},
-        {"motion": TURN, "blend_tolerance": 0.1},
-        {"motion": pb.MotionRequest(keyframes=[TURN.keyframes[0]] * 4)},
-    ],
-    ids=["empty", "no such plan", "nothing", "a wrong option", "too many keyframes"],
-)
-def test_a_move_that_does_not_begin_gives_the_lease_back_that_it_took(service, devices, wrong):
-    with pytest.raises((RequestError, UnknownNameError)):
-        started(service, pb.MoveRequest(device="arm", holder="ana", **wrong))
-    assert devices.leases.held() == []
-
-
-def test_the_daemon_reports_its_leases_in_the_order_in_which_they_were_taken(service):
-    lease_of(service, devices=["leg"])
-    lease_of(service, BEN, devices=["arm"])
-    report = service.daemon_report()
-    assert [one.identity for one in report.leases] == ["user:1", "user:2"]
-
-
-def test_a_lease_that_a_move_takes_outlasts_its_planning(planners, monkeypatch):
-    monkeypatch.setattr("orientd.daemon.device.device.ServoProcess", FakeServo)
-    settings = config.parse({**SETTINGS, "daemon": {"lease_seconds": 0.3}}, source="test")
-    devices = Devices(settings, planners=planners)
-    service = Service(devices, keyframes=3, socket=Path("/run/x"), configuration="", began=0.0)
-    held = []
-
-    async def plan_slowly(*_):
-        await asyncio.sleep(1.0)
-        held.extend(devices.leases.held())
-        raise RequestError("motion", "is none")
-
-    service._begin = plan_slowly
-    with pytest.raises(RequestError):
-        started(service, pb.MoveRequest(device="arm", motion=TURN, holder="ana"))
-    assert [one.holder for one in held] == ["ana"]
-    assert devices.leases.held() == []
-    devices.close()
 
 
 def test_a_following_whose_caller_goes_away_while_it_starts_is_ended(service, devices):

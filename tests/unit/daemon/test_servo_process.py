@@ -11,7 +11,7 @@ from harness import until
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device, EventKind
-from orientd.daemon.device.servo_process import ANSWER_TIMEOUT, ServoProcess
+from orientd.daemon.device.servo_process import ServoProcess
 from orientd.errors import DaemonError, Fault, StateError
 from orientd.stream.records import Command, ServoLimits, ServoState
 
@@ -50,17 +50,6 @@ def await_cycles(servo):
     ends = time.monotonic() + 30.0
     while not servo.next_cycle and time.monotonic() < ends:
         time.sleep(0.01)
-
-
-def test_answers_that_nobody_waits_for_are_not_kept(servo):
-    await_cycles(servo)
-    for _ in range(20):
-        servo.brake()
-    # Answered behind all of them, though there were more than there is room for.
-    with pytest.raises(StateError, match="not possible while idle"):
-        servo.ask(Command.SPEED, speed=1.0)
-    assert not servo._answers
-    assert not servo._awaited
 
 
 def test_a_stop_does_not_wait_for_a_slow_command_and_others_are_refused(servo):
@@ -115,19 +104,6 @@ def test_a_stop_of_what_moves_waits_for_its_answer_behind_a_slow_command(servo):
         os.kill(servo.pid, signal.SIGCONT)
         disabling.join()
     assert refused
-
-
-def test_a_command_waits_as_long_as_the_servo_may_stall(servo, gate):
-    await_cycles(servo)
-    os.mkfifo(gate)
-
-    def let_go():
-        with gate.open("w"):
-            gate.unlink()
-
-    threading.Timer(2 * ANSWER_TIMEOUT, let_go).start()
-    with pytest.raises(StateError, match="not possible while idle"):
-        servo.ask(Command.SPEED, speed=1.0)
 
 
 def test_a_fault_whose_words_have_not_arrived_is_named_by_its_code(servo, monkeypatch):

@@ -4,7 +4,6 @@ import contextlib
 import json
 import os
 import socket
-from pathlib import Path
 
 import pytest
 
@@ -47,22 +46,6 @@ def test_repeated_stops_of_one_process_are_one_line_with_their_number(folder, ca
     assert caplog.messages[-1] == f"arm: stop by {who}, 3 times"
 
 
-def test_sockets_that_an_earlier_daemon_has_left_are_removed(folder):
-    folder.mkdir()
-    left_behind(folder / "arm")
-    stops = made(folder)
-    assert list(folder.iterdir()) == []
-    left_behind(folder / "arm")
-    stops.close()
-    assert not folder.exists()
-
-
-def test_a_socket_of_an_older_version_is_replaced(folder):
-    left_behind(folder)
-    made(folder).close()
-    assert not folder.exists()
-
-
 @pytest.mark.parametrize("name", ["thesis.txt", "papers/thesis.txt"])
 def test_a_folder_of_the_user_is_left_alone(folder, name):
     thesis = folder / name
@@ -91,13 +74,6 @@ def test_a_link_to_a_folder_of_the_user_is_left_alone(folder, tmp_path):
         made(folder)
     assert folder.is_symlink()
     assert (tmp_path / "elsewhere").is_dir()
-
-
-def test_a_file_that_comes_into_the_folder_meanwhile_is_kept(folder):
-    stops = made(folder)
-    Path(folder, "thesis.txt").write_text("precious")
-    stops.close()
-    assert Path(folder, "thesis.txt").read_text() == "precious"
 
 
 def test_a_servo_that_does_not_take_the_news_of_who_may_stop_is_named(folder, caplog):

@@ -1,9 +1,7 @@
 """A client library that fails, refuses or falls behind, between a driver and its robot."""
 
 import time
-from dataclasses import replace
 
-import arms
 import pytest
 from arms import RTDEReceiveInterface
 from ur_rig import driver_of, stream_of
@@ -11,8 +9,6 @@ from ur_rig import driver_of, stream_of
 from emulated_dynamixel import ManualClock
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError, SpentLinkError
 from orientd_ur import UrDriver
-from orientd_ur.arm import MODELS
-from orientd_ur.kinematics import Kinematics
 
 pytestmark = pytest.mark.world
 
@@ -91,14 +87,6 @@ def test_lost_link_is_found_in_time_and_never_touched_again(
             with pytest.raises(SpentLinkError, match="was lost"):
                 call()
         stream.driver.disable()
-        stream.driver.close()
-
-
-def test_link_that_goes_while_it_is_closed_is_not_touched_again(ur_robot, monkeypatch):
-    with stream_of(ur_robot.host) as stream:
-        control(stream).stopScript = fails
-        stream.driver.close()
-        monkeypatch.setattr(stream.driver._link, "_control", Untouched())
         stream.driver.close()
 
 
@@ -183,17 +171,6 @@ def test_robot_that_takes_no_orders_is_given_none_when_it_is_disabled(ur_robot, 
         stream.driver.disable()
 
 
-def test_freedrive_ends_once_when_the_arm_is_disabled(ur_robot):
-    with stream_of(ur_robot.host) as stream:
-        stream.driver.free()
-        ended, end = [], control(stream).endTeachMode
-        control(stream).endTeachMode = lambda: ended.append(end()) or True
-        stream.driver.disable()
-        assert ended == [True]
-        stream.driver.enable()
-        assert ended == [True]
-
-
 def test_program_is_uploaded_only_once_the_controller_holds_no_command(ur_robot):
     with stream_of(ur_robot.host) as stream:
         stream.run(0.02)
@@ -217,14 +194,6 @@ def test_reset_that_cannot_play_says_so(ur_robot):
             stream.driver.reset()
 
 
-def test_other_refusals_of_the_library_are_given_as_they_are(ur_robot, monkeypatch):
-    monkeypatch.setattr(arms.ControlProgram, "upload", fails)
-    with driver_of(ur_robot.host) as driver:
-        words = rf"{ur_robot.host}: Timeout connecting to UR dashboard server"
-        with pytest.raises(DeviceFaultError, match=words):
-            driver.enable()
-
-
 # The arm
 
 
@@ -237,19 +206,6 @@ def test_arm_is_none_or_the_named_one_if_the_controller_does_not_say(ur_robot, m
         assert stream.driver.mechanism(may_ask=True) is None
     with stream_of(ur_robot.host, model="ur10e") as stream:
         assert stream.driver.mechanism(may_ask=True).name == "ur10e"
-
-
-def test_servo_looks_ahead_with_the_calibrated_arm_and_the_tool_as_it_is_seen(
-    ur_robot, monkeypatch
-):
-    links = MODELS["ur5e"].links
-    own = Kinematics(links, links.table._replace(theta=(1e-3,) * 6))
-    calibrated = replace(MODELS["ur5e"].arm(), kinematics=own)
-    monkeypatch.setattr("orientd_ur.robot.ask", lambda *_: calibrated)
-    with stream_of(ur_robot.host) as stream:
-        arm = stream.driver.mechanism(may_ask=False)
-        assert arm.kinematics is own
-        assert arm.forward(stream.begin.joints)[1] == pytest.approx(stream.begin.position)
 
 
 def test_end_of_the_process_is_explained_by_its_signal():

@@ -151,26 +151,8 @@ def test_link_is_judged_by_the_cycle_of_the_robot(monkeypatch, changes, verdict)
     assert ("a cable of its own" in found.mend) == (verdict is not Verdict.OK)
 
 
-def test_remote_control_that_the_robot_does_not_tell_is_to_be_looked_at(monkeypatch):
-    found = rows(monkeypatch, replace(WELL, is_remote=None))["remote control"]
-    assert (found.found, found.verdict) == ("not known", Verdict.IMPROVE)
-    assert "the robot does not say" in found.mend
-
-
 def test_arm_that_is_not_known_is_a_problem_if_its_joints_are_to_be_checked(monkeypatch):
     silent = LinkError("it does not say")
     found = rows(monkeypatch, arm=silent)["arm"]
     assert (found.found, found.verdict) == ("it does not say", Verdict.PROBLEM)
     assert rows(monkeypatch, arm=silent, check_joints=False)["arm"].verdict is Verdict.OK
-
-
-def test_library_that_is_not_installed_is_a_problem(monkeypatch):
-    def missing(_):
-        raise metadata.PackageNotFoundError
-
-    found = rows(monkeypatch)
-    monkeypatch.setattr(metadata, "version", missing)
-    options = check({"host": "127.0.0.9"}, period=0.002)
-    found = {one.name: one for one in inspect(options, 2_000_000)}["client library"]
-    assert (found.found, found.verdict) == ("ur-rtde is not installed", Verdict.PROBLEM)
-    assert "pip install" in found.mend

@@ -8,19 +8,17 @@ import re
 import numpy as np
 import pytest
 
-from orientd.curves import METHODS, CurveTask, compare, make_curve, ranked
-from orientd.planner import Limits
-from orientd.rotation import exp, from_euler
+from orientd.curves import METHODS, CurveTask, make_curve
+from orientd.errors import OrientdError
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.rotation import from_euler
 
 pytest.importorskip("matplotlib")
 
 from orientd import plots
-from orientd.plots.bodies import SweptPoses, draw_bodies, plate
 from orientd.plots.paper import new_figure
 from orientd.plots.recording import _mark
 from orientd.plots.sampling import traces_of
-from orientd.plots.triads import draw_triads
-from orientd.plots.view import Viewpoint
 
 DEGREES = [[0, 0, 0], [35, -25, 20], [80, -30, 10], [120, 5, -30], [130, 45, -75], [165, 60, -140]]
 TASK = CurveTask(from_euler("ZYX", np.radians(DEGREES)), np.arange(6.0))
@@ -80,58 +78,16 @@ def test_lines_are_interrupted_where_a_derivative_jumps():
     assert times[gaps] == pytest.approx(TASK.times[1:-1])
 
 
-def test_what_is_behind_the_sphere_is_drawn_as_hidden():
-    axes = new_figure(3.0, 3.0).subplots()
-    view = Viewpoint(elevation=0.0, azimuth=0.0)
-    # About the upright axis the x tip turns from the front to the back.
-    q = exp(np.outer(np.linspace(0.0, np.pi, 200), [0.0, 0.0, 1.0]))
-    draw_triads(axes, q, q[[0, -1]], style=plots.triads.TriadStyle(view=view))
-    lines = {line.get_gid(): line for line in axes.get_lines()}
-    front = lines["trace-x"].get_xydata()
-    hidden = lines["hidden-x"].get_xydata()
-    # Both halves of the way have the same points on the sheet; each is drawn once.
-    assert np.isfinite(front[:, 0]).sum() == pytest.approx(len(front) / 2, abs=2)
-    assert np.isfinite(hidden[:, 0]).sum() == pytest.approx(len(hidden) / 2, abs=2)
-    assert lines["hidden-x"].get_linewidth() < lines["trace-x"].get_linewidth()
-
-
-def test_numbers_do_not_cover_each_other():
-    q = exp(np.cumsum(np.tile([0.05, 0.1, 0.15], (12, 1)), axis=0))
-    axes = new_figure(7.0, 7.0).subplots()
-    draw_triads(axes, q, q)
-    texts = [text for text in axes.texts if (text.get_gid() or "").startswith("number-")]
-    places = np.array([text.get_position() for text in texts])
-    apart = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
-    assert apart[~np.eye(len(places), dtype=bool)].min() > 0.03
-
-
-def test_a_sheet_shows_who_applies_and_says_who_does_not(tmp_path):
-    families = {name: METHODS[name] for name in ("squad", "c2_cumulative", "kks_bspline", "slerp")}
-    candidates = ranked(compare(TASK, families=families))
-    text = svg(plots.draw_sheet, tmp_path, TASK, candidates, title="families")
-    assert {"family-squad", "family-c2_cumulative", "family-kks_bspline"} <= ids(text)
-    assert "family-slerp" not in ids(text)
-    assert "not drawn: slerp (takes exactly 2 keyframes, got 6)" in text
-
-
-def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
-    axes = new_figure(3.0, 3.0).subplots()
-    positions = np.outer(np.arange(16.0), [1.0, 0.3, 0.1])
-    poses = SweptPoses(positions, np.resize(TASK.keys, (16, 4)))
-    between, keyframes = (
-        SweptPoses(poses.positions[of], poses.q[of]) for of in (slice(10), slice(10, 16))
-    )
-    faces = plate()
-    draw_bodies(axes, faces, between, keyframes, Viewpoint(), positions)
-    (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
-    assert len(painted.get_paths()) == len(faces) * (10 + 6)
-    lightness = painted.get_facecolor()[:, :3].mean(axis=1)
-    assert (lightness < 0.32).sum() == len(faces) * 6
-
-
 def test_names_of_events_at_one_moment_stand_side_by_side():
     axes = new_figure(4.0, 3.0, "").subplots()
     _mark(axes, [(1.0, "FAULT"), (1.0, "stopped"), (5.0, "started")], 10.0, is_named=True)
     places = [text.xy[0] for text in axes.texts]
     assert np.all(np.diff(places) > 0.1)
     assert places[2] == 5.0
+
+
+def test_plot_of_a_motion_names_the_function_that_draws_it(tmp_path):
+    start, request = State.at_rest((1, 0, 0, 0)), MotionRequest([Keyframe((0.8, 0.6, 0, 0))])
+    motion = plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002)
+    with pytest.raises(OrientdError, match=r"orientd\.plots\.draw\(motion, path\)"):
+        motion.plot(tmp_path / "motion.png")

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from recorded import OFFSET_NS, RATE_HZ, moving
 
-from orientd.protocol import control_pb2 as pb
 from orientd.recorder.earlier import cycles_of
 from orientd.recorder.reader import load_recording
 from orientd.stream.records import ServoState
-from orientd_replay import read_orientations
 
 FILES = sorted((Path(__file__).parents[2] / "data" / "recordings").glob("*.mcap"))
 STEPS = {
@@ -50,15 +48,6 @@ def test_every_cycle_of_an_earlier_version_is_read(path):
         np.testing.assert_allclose(
             found[name], table[name], rtol=0, atol=0.501 * step, err_msg=name
         )
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_events_and_orientations_of_an_earlier_version_are_read(path):
-    (event,) = load_recording(path).events
-    assert (event.kind, event.motion_number) == (pb.EVENT_KIND_MOTION_STARTED, 1)
-    assert [sample.path_time for sample in event.samples] == [0.1 * k for k in range(6)]
-    assert len(read_orientations(path, "/arm/measured").times) == 100
-    assert len(read_orientations(path, "/arm/sent").times) == 100
 
 
 class Block:

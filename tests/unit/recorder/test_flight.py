@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import resource
 import tempfile
 
@@ -11,7 +10,6 @@ import pytest
 from recorded import RATE_HZ, moving
 
 from orientd.daemon.device.cycle_memory import CycleMemory
-from orientd.protocol import control_pb2 as pb
 from orientd.recorder import flight, reader
 from orientd.recorder.writer import RecordingError
 from orientd.stream.records import CYCLE_RECORD
@@ -75,36 +73,6 @@ def test_a_servo_that_was_started_anew_goes_on_in_the_same_file(tmp_path):
     cycles = reader.load_recording(flight.write(stream(memory, tmp_path))).cycles["arm"]
     np.testing.assert_array_equal(cycles["deadline_ns"], table["deadline_ns"])
     np.testing.assert_array_equal(cycles["index"], [*range(300), *range(400)])
-
-
-def test_a_slot_that_is_being_overwritten_is_left_out(tmp_path):
-    memory = CycleMemory(100)
-    servo = Servo(memory)
-    servo.publish(moving(100))
-    servo.end()
-    os.pwrite(memory._file, bytes(20), 40)
-    cycles = reader.load_recording(flight.write(stream(memory, tmp_path))).cycles["arm"]
-    np.testing.assert_array_equal(cycles["index"], np.arange(1, 100))
-
-
-def test_memory_that_fell_behind_keeps_what_is_left(tmp_path):
-    memory = CycleMemory(1000)
-    servo = Servo(memory, capacity=256)
-    servo.publish(moving(600), every=10_000)
-    servo.end()
-    cycles = reader.load_recording(flight.write(stream(memory, tmp_path))).cycles["arm"]
-    np.testing.assert_array_equal(cycles["index"], np.arange(600 - 240, 600))
-
-
-def test_events_and_reason_are_in_the_file(tmp_path):
-    memory = CycleMemory(10)
-    event = pb.Event(device="arm", kind=pb.EVENT_KIND_FAULT, text="link lost", time_ns=7)
-    recording = reader.load_recording(
-        flight.write(stream(memory, tmp_path, events=[event], fault_ns=7))
-    )
-    assert recording.events == [event]
-    assert recording.facts["reason"] == "link lost"
-    assert recording.facts["fault_ns"] == "7"
 
 
 def test_the_oldest_files_make_room(tmp_path):

@@ -1,12 +1,11 @@
 """Stops of the real servo on planned motions, against the shortest that are possible."""
 
-from math import ceil
+from math import sqrt
 
 import numpy as np
 import pytest
 from rides import KINDS, SOME_METHODS, Ride, Track, motions, servo_limits_of
 from rig import PERIOD
-from shortest_stop import ShortestStop, bound
 
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.rotation import exp
@@ -15,8 +14,44 @@ from orientd.stream.records import UNKNOWN, Command, ServoState
 MOST = 1.2
 """Times the least, a stop on the path may take."""
 
-MOST_AT_A_REVERSAL = 1.7
-"""Times the least, a stop may take where the path turns back too soon to stop before."""
+
+def drawn_directions():
+    random = np.random.default_rng(0).normal(size=(300, 3))
+    return np.vstack([np.eye(3), -np.eye(3), random / np.linalg.norm(random, axis=1)[:, None]])
+
+
+DIRECTIONS = drawn_directions()
+
+
+def bound(omega, alpha, velocity, limits):
+    """Return a time that no stop is shorter than, whatever path it took.
+
+    Along any direction the component of the angular velocity has to go to zero from its own first
+    acceleration, within what the limits allow along that direction at most: a double integrator
+    with bounded jerk.  The largest of these times, over many directions, is the bound.
+    """
+    best = float(np.linalg.norm(velocity)) / limits.linear_acceleration
+    directions = DIRECTIONS
+    if np.linalg.norm(omega) > 0.0:
+        directions = np.vstack([omega / np.linalg.norm(omega), directions])
+    for d in directions:
+        speed, push = float(omega @ d), float(alpha @ d)
+        most, jerk = (
+            min(limit, sum(abs(x) * a for x, a in zip(d, axes, strict=True) if x != 0.0))
+            for limit, axes in (
+                (limits.acceleration, limits.axis_acceleration),
+                (limits.jerk, limits.axis_jerk),
+            )
+        )
+        if speed <= 0.0 or (push < 0.0 and push * push / (2.0 * jerk) >= speed):
+            continue
+        peak = sqrt(jerk * speed + 0.5 * push * push)
+        if peak <= most:
+            best = max(best, (push + 2.0 * peak) / jerk)
+        else:
+            held = speed + (push * push - 2.0 * most * most) / (2.0 * jerk)
+            best = max(best, (push + 2.0 * most) / jerk + held / most)
+    return best
 
 
 def deviation_allowed(motion):
@@ -30,9 +65,9 @@ def deviation_allowed(motion):
 
 
 def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
-    """Stop at random; return the times over a bound, and the rides that exceed it by too much."""
+    """Stop at random; return the times over a bound."""
     random = np.random.default_rng(seed)
-    ratios, slow = [], []
+    ratios = []
     for motion in motions([seed, KINDS.index(kind)], count, kind, methods):
         track = Track(motion)
         for _ in range(stops):
@@ -44,22 +79,12 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
             least = bound(ride.omega, ride.alpha, ride.velocity, motion.limits)
             # A stop begins and ends with a cycle: the time of one falls between them.
             ratios.append(max(cycles - 1, 0) * PERIOD / min(least, ride.remaining))
-            if ratios[-1] > MOST:
-                slow.append((ride, cycles))
-    return np.array(ratios), slow
-
-
-def check_optimal(ride, cycles):
-    """Check that a stop is not much longer than the best that a search finds on the path."""
-    search = ShortestStop(ride.motion, ride.record, ride.omega, ride.alpha, ride.velocity)
-    fewest = ceil(cycles / MOST_AT_A_REVERSAL) - 1
-    place = ride.record, ride.motion.limits
-    assert not search.finds_one(fewest, like=ride.rates[:cycles]), (cycles, fewest, place)
+    return np.array(ratios)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_stop_takes_hardly_longer_than_any_stop_could(kind):
-    ratios, _ = check_stops(0, kind, 6, 6)
+    ratios = check_stops(0, kind, 6, 6)
     # Against a bound that knows nothing of the path, which a few stops cannot come near.
     assert np.median(ratios) < 1.03
     assert np.percentile(ratios, 95) < 1.2
@@ -76,7 +101,7 @@ def test_a_stop_takes_hardly_longer_than_any_stop_could(kind):
 def test_a_stop_comes_to_rest_before_the_path_turns_back_or_soon_behind(
     drawn, record, fewest, times
 ):
-    # A turn about one axis and back; the numbers are what ShortestStop finds.
+    # A turn about one axis and back; a search by linear programs on the path found the numbers.
     *_, motion = motions(*drawn, ["kks_hermite"])
     ride = Ride(Track(motion), record)
     assert ride.stop() <= times * fewest
@@ -133,24 +158,12 @@ def test_a_stop_from_hardly_any_speed_is_made_at_once():
     assert ride.rig.servo.state is ServoState.HOLDING
 
 
-def test_the_search_finds_the_shortest_stop_of_a_turn_about_one_axis():
-    *_, motion = motions([7003, 0], 2, "reserve", ["kks_hermite"])
-    ride = Ride(Track(motion), 262)
-    cycles = ride.stop()
-    search = ShortestStop(motion, 262, ride.omega, ride.alpha, ride.velocity)
-    assert search.finds_one(78, like=ride.rates[:cycles])
-    assert not search.finds_one(75, like=ride.rates[:cycles])
-
-
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_one_of_many_stops_keeps_the_limits_and_the_path(kind, seed):
-    ratios, slow = check_stops(seed, kind, 40, 10)
-    assert np.percentile(ratios, 95) < 1.2
-    for ride, cycles in slow:
-        check_optimal(ride, cycles)
+    assert np.percentile(check_stops(seed, kind, 40, 10), 95) < 1.2
 
 
 def wander(ride, random, changes):

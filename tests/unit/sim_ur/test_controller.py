@@ -4,10 +4,9 @@ import math
 
 import pytest
 
-from emulated_ur import dashboard
 from emulated_ur.arm.arm import Arm, Breach, Mode
 from emulated_ur.arm.models import MODELS, version_of
-from emulated_ur.controller import Behaviour, Controller, RefusedError
+from emulated_ur.controller import Behaviour, Controller
 from emulated_ur.server import Server
 from emulated_ur.variables import ProgramState, SafetyMode
 
@@ -103,40 +102,9 @@ def test_protective_stop_leaves_the_program_as_configured(leaves):
     assert (robot.safety_mode, robot.runtime_state) == (SafetyMode.PROTECTIVE_STOP, leaves)
 
 
-def test_safeguard_pauses_and_play_resumes(robot):
-    robot.enter(SafetyMode.SAFEGUARD_STOP)
-    assert robot.runtime_state is ProgramState.PAUSED
-    with pytest.raises(RefusedError):
-        robot.play()
-    robot.release()
-    robot.play()
-    assert robot.runtime_state is ProgramState.PLAYING
-
-
 def test_slider_reaches_the_scaling_gradually(robot):
     robot.set_slider(0.5)
     tick(robot, 10)
     assert 0.5 < robot.speed_scaling < 1.0
     tick(robot, 300)
     assert robot.speed_scaling == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize(
-    ("line", "answer"),
-    [
-        ("PolyscopeVersion", "URSoftware 5.12.6.1102099 (Oct 13 2022)"),
-        ("get serial number", "20235500123"),
-        ("robotmode", "Robotmode: RUNNING"),
-        ("safetymode", "Safetymode: NORMAL"),
-        ("running", "Program running: true"),
-        ("programState", "PLAYING <unnamed>"),
-        ("is in remote control", "true"),
-        ("pause", "Pausing program"),
-        ("stop", "Stopped"),
-        ("load a.urp", "Loading program: a.urp"),
-        ("unlock protective stop", "Protective stop releasing"),
-        ("nonsense", "could not understand: nonsense"),
-    ],
-)
-def test_dashboard_answers_as_clients_expect(robot, line, answer):
-    assert dashboard.reply(robot, line + "\n") == answer

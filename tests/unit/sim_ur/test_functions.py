@@ -182,26 +182,6 @@ def test_a_speed_is_kept_for_as_many_cycles_as_its_time_has(robot):
     assert len(rates) == 11  # the last one said that the ten are over
 
 
-def test_a_move_has_the_speed_and_acceleration_asked_for(robot):
-    goal = [HOME[0] + 0.5, *HOME[1:]]
-    run(robot, f"  movej({goal}, a=2.0, v=0.4)", 2)
-    rates = []
-    for _ in range(800):
-        robot.tick()
-        rates.append(robot.arm.target_qd[0])
-    assert max(rates) == pytest.approx(0.4, rel=1e-9)
-    assert rates[50] - rates[0] == pytest.approx(50 * 0.002 * 2.0, rel=0.03)
-    assert sum(rates) * 0.002 == pytest.approx(0.5, abs=0.005)
-
-
-def test_a_stop_brakes_as_asked(robot):
-    run(robot, "  speedj([0.5, 0, 0, 0, 0, 0], 10, 0.2)\n  stopj(2.0)\n  textmsg(1)", 110)
-    begun = robot.ticks
-    while not robot.arm.is_still:
-        robot.tick()
-    assert (robot.ticks - begun) * 0.002 == pytest.approx(0.25, abs=0.03)
-
-
 def test_the_arm_gives_way_to_force_mode_until_it_touches(robot):
     begun = robot.tool.pose("target_TCP_pose")
     z = begun[2]
@@ -293,15 +273,6 @@ def test_a_severe_state_gives_way_to_no_milder_one(robot):
     robot.enter(SafetyMode.FAULT)
     robot.release()
     assert robot.safety_mode is SafetyMode.FAULT
-
-
-def test_a_short_program_plays_long_enough_to_be_seen(robot):
-    robot.upload("set_digital_out(1, True)\n")
-    seen = 0
-    for _ in range(200):
-        robot.tick()
-        seen += robot.runtime_state is ProgramState.PLAYING
-    assert seen == 50
 
 
 @pytest.mark.parametrize(
@@ -462,18 +433,6 @@ def test_a_moving_arm_does_not_give_way_even_without_a_program(robot):
         robot.push(HOME, 0.1)
     tick(robot, 200)
     robot.push(HOME, 0.1)
-
-
-@pytest.mark.parametrize(
-    ("line", "name", "value"),
-    [("stop", "runtime_state", 1), ("pause", "runtime_state", 4), ("power off", "robot_mode", 3),
-     ("shutdown", "robot_mode", 3)],
-)  # fmt: skip
-def test_dashboard_does_what_it_answers(robot, line, name, value):
-    run(robot, "  sleep(9)", 5)
-    dashboard.reply(robot, line)
-    tick(robot, 20)
-    assert robot.value(name) == value
 
 
 def test_dashboard_leads_a_robot_from_a_violation_to_running(robot):

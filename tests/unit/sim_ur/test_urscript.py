@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,8 @@ from emulated_ur import Behaviour, Controller
 from emulated_ur.arm import rotation_between
 from emulated_ur.urscript import ScriptError, Splitter, compile_script
 from emulated_ur.variables import ProgramState
+
+PROGRAMS = sorted((Path(__file__).parents[2] / "data" / "ur" / "language").glob("*.script"))
 
 
 @pytest.fixture
@@ -61,106 +64,14 @@ def test_expression(robot, expression, said):
     assert value(robot, expression) == said
 
 
-def test_assignment_copies_a_list(robot):
-    said = run(robot, "a = [1, 2]\nb = a\nb[0] = 9\nm = [[1, 2], [3, 4]]\nm[1, 1] = 5\n"
-                      'textmsg(a, b)\ntextmsg("m ", m)')  # fmt: skip
-    assert said == ["[1, 2][9, 2]", "m [[1, 2], [3, 5]]"]
-
-
-def test_function_changes_its_own_copy_of_an_argument(robot):
-    said = run(robot, "def scaled(p, k):\n p[0] = p[0] * k\n return p\nend\n"
-                      "x = p[1, 0, 0, 0, 0, 0]\ny = scaled(x, k=3)\n"
-                      "textmsg(x[0], y[0])")  # fmt: skip
-    assert said == ["13"]
-
-
-def test_names_of_a_function_are_its_own_unless_the_program_has_them(robot):
-    body = """
-  shared = 1
-  def change():
-    shared = 2
-    own = 3
-    local shadow = 4
-    global made = 5
-    def inner():
-      own = own + 1
-    end
-    inner()
-    return own
-  end
-  shadow = 0
-  textmsg(change())
-  textmsg(shared, str_cat(shadow, made))"""
-    assert run(robot, body) == ["4", "205"]
-
-
-def test_branches_and_loops(robot):
-    body = """
-  i = 0
-  while True:
-    i = i + 1
-    if i == 2: continue end
-    if i > 4:
-      break
-    elif i == 3:
-      textmsg("three")
-    else:
-      textmsg(i)
-    end
-  end"""
-    assert run(robot, body) == ["1", "three", "4"]
-
-
-def test_function_calls_one_that_is_defined_later_and_itself(robot):
-    body = """
-  def fib(n, step=1):
-    if n < 2:
-      return n
-    end
-    return fib(n - step) + later(n - 2)
-  end
-  def later(n):
-    return fib(n=n)
-  end
-  textmsg(fib(10))"""
-    assert run(robot, body) == ["55"]
-
-
-def test_threads_run_beside_the_program_until_they_are_killed_or_joined(robot):
-    body = """
-  n = 0
-  thread count():
-    while True:
-      n = n + 1
-      sync()
-    end
-  end
-  thread short(seconds):
-    sleep(seconds)
-    return False
-  end
-  t = run count()
-  s = run short(0.02)
-  join s
-  kill t
-  k = n
-  sleep(0.02)
-  kill 0
-  textmsg(k == n, k > 5)"""
-    assert run(robot, body) == ["TrueTrue"]
-
-
-def test_loop_that_never_waits_leaves_the_others_their_turn(robot):
-    body = """
-  thread busy():
-    while True: x = 1 end
-  end
-  run busy()
-  sleep(0.02)
-  textmsg("on")
-  halt
-  textmsg("never")"""
-    assert run(robot, body) == ["on"]
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_program_says_what_its_last_lines_expect(robot, path):
+    """A script of tests/data/ur/language ends with a comment for each line that it says."""
+    program, *said = path.read_text().rstrip("\n").split("\n# says ")
+    robot.upload(program + "\n")
+    for _ in range(200):
+        robot.tick()
+    assert list(robot.told) == said
     assert robot.runtime_state is ProgramState.STOPPED
 
 

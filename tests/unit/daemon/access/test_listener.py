@@ -164,16 +164,6 @@ def test_a_call_ends_with_its_client(tmp_path, how):
     run(tmp_path, work)
 
 
-def test_a_change_that_is_refused_changes_nothing(tmp_path):
-    async def work(daemon):
-        before = daemon.listener.policy
-        with pytest.raises(listener.ConfigError, match="no user 'nobody-at-all'"):
-            daemon.listener.read(AccessSettings(users={"nobody-at-all": "operator"}), None)
-        assert daemon.listener.policy is before
-
-    run(tmp_path, work)
-
-
 @pytest.mark.parametrize(
     "said", [b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 100, b"PRI * HTTP/2.0\r\n\r\n"]
 )

@@ -17,17 +17,6 @@ def lines(path):
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-def test_records_are_appended(tmp_path):
-    path = tmp_path / "state" / "audit.jsonl"
-    for number in range(2):
-        log = AuditLog(path, most_bytes=100_000, most_files=2)
-        log.record(event="asked", number=number, text="newline\nand ü")
-        log.close()
-    assert [record["number"] for record in lines(path)] == [0, 1]
-    assert path.stat().st_mode & 0o777 == 0o600
-    assert lines(path)[0]["time"].endswith("Z")
-
-
 def test_a_large_file_is_put_aside_and_the_oldest_forgotten(tmp_path):
     path = tmp_path / "audit.jsonl"
     log = AuditLog(path, most_bytes=1000, most_files=2)

@@ -1,8 +1,6 @@
 """Planner processes: real ones, asked, given up, killed and replaced."""
 
 import asyncio
-import contextlib
-import gc
 import os
 import signal
 import time
@@ -13,11 +11,10 @@ from direct_planners import DirectPlanners
 
 from orientd import config
 from orientd.daemon.planners.pool import MOST_WAITING, Planners
-from orientd.daemon.planners.task import CHUNK, FIRST, PlanCall, PlanInput, Rank, record_at_rest
+from orientd.daemon.planners.task import CHUNK, PlanCall, PlanInput, Rank, record_at_rest
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import MOTION_RECORD, DevicePlanner, Keyframe, MotionRequest
-from orientd.protocol import control_pb2 as pb
 from orientd.protocol.motion import from_request
 from orientd.rotation import exp
 
@@ -97,31 +94,6 @@ def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
             await planners.plan(job(b"nonsense"), PlanCall(b"nonsense"))
 
     run(test)
-
-
-def test_a_refused_request_is_not_kept_by_its_error():
-    async def test(planners):
-        gc.disable()
-        try:
-            with contextlib.suppress(RequestError):
-                await planners.plan(job(b"nonsense"), PlanCall(b"nonsense"))
-            kept = [one for one in gc.get_objects() if isinstance(one, PlanInput)]
-            return [one for one in kept if one.motion == b"nonsense"]
-        finally:
-            gc.enable()
-
-    assert run(test) == []
-
-
-def test_doubts_about_a_request_are_in_the_certificate():
-    keyframe = pb.Keyframe(rotation_vector=pb.Vector3(z=90.0))
-    content = pb.MotionRequest(approach=True, keyframes=[keyframe]).SerializeToString()
-
-    async def test(planners):
-        return await planners.plan(job(content), PlanCall(content, timeout=60.0))
-
-    (note,) = pb.Plan.FromString(run(test).plan).certificate.notes
-    assert "its unit is rad" in note
 
 
 def test_a_killed_planner_fails_one_request_and_is_replaced():
@@ -239,20 +211,6 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
     run(test, processes=3)
 
 
-def test_a_moving_device_is_served_by_the_planner_that_gives_way_to_nobody():
-    async def test(planners):
-        served = {Rank.URGENT: 0, Rank.SMALL: 2}
-        for rank, number in (*served.items(), *served.items()):
-            while len(planners._idle) < 3:
-                await asyncio.sleep(0.01)
-            before = {one.number: one.tasks for one in planners._planners.values()}
-            await planners.plan(job(), quick(), rank=rank)
-            after = {one.number: one.tasks for one in planners._planners.values()}
-            assert [one for one in after if after[one] != before[one]] == [number]
-
-    run(test, processes=3)
-
-
 def test_whoever_waits_is_told_when_the_daemon_ends():
     async def test(planners):
         asked = [asyncio.ensure_future(planners.plan(job(), quick())) for _ in range(3)]
@@ -263,28 +221,6 @@ def test_whoever_waits_is_told_when_the_daemon_ends():
                 await one
 
     run(test)
-
-
-def test_records_beyond_the_first_chunk_are_asked_for_while_they_are_fed():
-    long = motion(*(0.2 * np.sin(np.arange(400.0))))
-    one = job(long)
-
-    async def test(planners):
-        found = await planners.plan(one, PlanCall(long, timeout=60.0))
-        count, fed = found.facts.record_count, []
-        assert count > FIRST  # the rest may be at hand before anybody looks
-        ends = time.monotonic() + 60.0
-        place = 0
-        while place < count and time.monotonic() < ends:
-            records = found.feed(place, 512)
-            fed.append(records)
-            place += len(records) // MOTION_RECORD.size
-            await asyncio.sleep(0.0 if records else 0.01)
-        return b"".join(fed)
-
-    fed = run(test)
-    whole = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(long)))
-    assert fed == whole.read(0, whole.rest_record + 1)
 
 
 def test_a_motion_of_several_chunks_is_fed_to_its_end_and_again():

@@ -7,7 +7,6 @@ from orientd import planner
 from orientd.daemon.planners import reporting
 from orientd.errors import RequestError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_quaternion, to_vector
 from orientd.protocol.reports import samples
 
 
@@ -39,17 +38,6 @@ def test_a_plan_without_samples_has_none(motion):
     assert not pb.PlanResponse.FromString(reporting.plan_response(motion, 0.0)).plan.HasField(
         "samples"
     )
-
-
-def test_an_event_has_orientations_and_velocities_only(motion):
-    event = pb.Event.FromString(reporting.event(motion))
-    meant = reporting.samples_of(motion, 50.0)
-    np.testing.assert_array_equal([to_quaternion(one.q) for one in event.samples], meant.q)
-    omega = [to_vector(one.omega_body) for one in event.samples]
-    np.testing.assert_array_equal(omega, meant.omega_body)
-    assert [one.path_time for one in event.samples] == meant.times.tolist()
-    assert not event.samples[0].HasField("position")
-    assert len(event.motion.columns.quaternions) == 8
 
 
 def test_more_samples_than_a_message_holds_are_refused(motion):
