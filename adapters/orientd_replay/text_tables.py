@@ -68,8 +68,10 @@ _LONGEST_ROW = MEBIBYTE
 """Bytes of a row of a table; of a wide one, some thousand."""
 
 
+Line = tuple[int, str]
+"""Number of a line, from 1, and its text."""
 Row = tuple[int, list[str]]
-"""Number of the line that a row ends in, and its words."""
+"""Number of the line of a row, and its words."""
 
 
 @dataclass(slots=True)
@@ -79,7 +81,7 @@ class _Table:
     Attributes:
         path: of the file.
         names: of the columns.
-        rows: number of the line that each ends in, and its words.
+        rows: number of the line of each, and its words.
         has_commas: whether a comma may be the point of a number.
     """
 
@@ -99,9 +101,8 @@ def read_table(path: Path) -> dict[str, Samples]:
     """
     check_regular(path)
     with path.open(newline="", encoding=_encoding(path), errors="replace") as stream:
-        lines = _Lines(path, stream)
-        table = _tum(path, lines) if path.suffix in TUM_ENDINGS else _csv(path, lines)
-        return _samples(table)
+        lines = _lines(path, stream)
+        return _samples(_tum(path, lines) if path.suffix in TUM_ENDINGS else _csv(path, lines))
 
 
 def _samples(table: _Table) -> dict[str, Samples]:
@@ -191,9 +192,21 @@ def _encoding(path: Path) -> str:
     return "utf-16-be" if zeros == [True, False, True, False] else "utf-8-sig"
 
 
-def _csv(path: Path, lines: _Lines) -> _Table:
+def _lines(path: Path, stream: TextIO) -> Iterator[Line]:
+    """Yield the lines that are not blank."""
+    number = 0
+    while line := stream.readline(_LONGEST_ROW):
+        number += 1
+        if len(line) == _LONGEST_ROW:
+            raise RecordingError(f"{path}: a row of more than {_LONGEST_ROW} characters")
+        if line.strip():
+            yield number, line
+
+
+def _csv(path: Path, lines: Iterator[Line]) -> _Table:
     """Return a table with names in its first line, or in a comment before it."""
-    heading = _heading(lines)
+    number, heading = next(filter(_is_heading, lines), (0, ""))
+    heading = heading.lstrip("".join(_COMMENT)).strip(" \r\n")
     if _BINARY.search(heading):
         kind = describe_kind(path)
         more = f"; {kind}" if kind else ""
@@ -201,77 +214,68 @@ def _csv(path: Path, lines: _Lines) -> _Table:
     if not heading:
         raise RecordingError(f"{path}: empty; expected columns such as {_EXPECTED}")
     delimiter = next((one for one in _DELIMITERS if one in heading), "")
-    names = next(_split(iter([heading]), delimiter))
+    names = _split(heading, delimiter)
     while names and not names[-1].strip():
         names.pop()
     if not any(math.isnan(_number(word.replace(",", "."))) for word in names):
         raise RecordingError(
-            f"{path}: line {lines.number} has numbers, expected the names of the columns; put a "
+            f"{path}: line {number} has numbers, expected the names of the columns; put a "
             f"line such as {_EXPECTED} before it"
         )
-    rows = _rows(path, lines, _split(lines, delimiter))
-    return _Table(path, names, rows, has_commas=delimiter != ",")
+    return _Table(path, names, _rows(path, lines, delimiter), has_commas=delimiter != ",")
 
 
-def _heading(lines: _Lines) -> str:
-    """Return the line that names the columns, without the mark of a comment."""
-    for line in lines:
-        lines.begin_row()
-        if line.startswith(_COMMENT):
-            named = [word.lower() for word in re.split(r"[,;\s]+", line[1:].strip())]
-            places = {name: place for place, name in enumerate(named)}
-            # Other comments are no headings.
-            if not (places.keys() & _TIMES.keys() and list(_quaternion_columns(places))):
-                continue
-        if line.strip():
-            return line.lstrip("".join(_COMMENT)).strip(" \r\n")
-    return ""
+def _is_heading(numbered: Line) -> bool:
+    """Return whether a line is no comment, or one that names a time and a quaternion."""
+    _, line = numbered
+    if not line.startswith(_COMMENT):
+        return True
+    named = [word.lower() for word in re.split(r"[,;\s]+", line[1:].strip())]
+    places = {name: place for place, name in enumerate(named)}
+    return bool(places.keys() & _TIMES.keys() and list(_quaternion_columns(places)))
 
 
-def _split(lines: Iterator[str], delimiter: str) -> Iterator[list[str]]:
-    """Return the words of each row; without a delimiter, spaces are between them."""
+def _split(line: str, delimiter: str) -> list[str]:
+    """Return the words of a line; without a delimiter, spaces are between them."""
     if not delimiter:
-        return (line.split() for line in lines)
-    return csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+        return line.split()
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
 
 
-def _rows(path: Path, lines: _Lines, words: Iterator[list[str]]) -> Iterator[Row]:
-    """Yield the rows that are neither empty nor comments."""
-    before = lines.number
-    try:
-        for row in words:
-            lines.begin_row()
-            if lines.number > before + 1:
-                # A quote that is left open takes the lines behind it, with all of their samples.
-                raise RecordingError(
-                    f"{path}: line {before + 1} has a quote that another line closes, expected "
-                    "each row in one line; remove the quote"
-                )
-            before = lines.number
-            if row and not row[0].startswith(_COMMENT):
-                yield lines.number, row
-    except csv.Error as error:
-        raise RecordingError(f"{path}: line {lines.number} is no row: {error}") from error
+def _rows(path: Path, lines: Iterator[Line], delimiter: str) -> Iterator[Row]:
+    """Yield the rows that are no comments."""
+    for number, line in lines:
+        if line.lstrip().startswith(_COMMENT):
+            continue
+        try:
+            row = _split(line, delimiter)
+        except csv.Error as error:
+            raise RecordingError(f"{path}: line {number} is no row: {error}") from error
+        if row[-1].endswith(("\n", "\r")):
+            raise RecordingError(
+                f"{path}: line {number} has a quote that another line closes, expected "
+                "each row in one line; remove the quote"
+            )
+        yield number, row
 
 
-def _tum(path: Path, lines: _Lines) -> _Table:
+def _tum(path: Path, lines: Iterator[Line]) -> _Table:
     """Return a trajectory, with its columns in another order if a comment names them so."""
-    spaced, names = (line.replace(",", " ") for line in lines), list(_TUM)
-    for line in spaced:
-        lines.begin_row()
+    names = list(_TUM)
+    spaced = ((number, line.replace(",", " ")) for number, line in lines)
+    for number, line in spaced:
         row = line.split()
-        if row and row[0].startswith(_COMMENT):
+        if row[0].startswith(_COMMENT):
             named = line.lstrip("#% \t").split()
             names = named if sorted(named) == sorted(_TUM) else names
-        elif row:
-            if len(row) != len(_TUM) or math.isnan(_number(row[0])):
-                raise RecordingError(
-                    f"{path}: line {lines.number} is {one_line(line, _SHOWN)!r}; expected "
-                    f"{' '.join(_TUM)} in each line (a table with named columns ends in .csv)"
-                )
-            first = [(lines.number, row)]
-            rows = itertools.chain(first, _rows(path, lines, (one.split() for one in spaced)))
-            return _Table(path, names, rows, has_commas=False)
+            continue
+        if len(row) != len(_TUM) or math.isnan(_number(row[0])):
+            raise RecordingError(
+                f"{path}: line {number} is {one_line(line, _SHOWN)!r}; expected "
+                f"{' '.join(_TUM)} in each line (a table with named columns ends in .csv)"
+            )
+        rows = itertools.chain([(number, row)], _rows(path, spaced, ""))
+        return _Table(path, names, rows, has_commas=False)
     raise RecordingError(f"{path}: empty; expected {' '.join(_TUM)} in each line")
 
 
@@ -287,36 +291,6 @@ def _quaternion_columns(
             topic = prefix.removesuffix("q").rstrip("_.")
             own = f"{topic}_time_s"
             yield topic, tuple(prefix + axis for axis in "wxyz"), own if own in places else ""
-
-
-class _Lines:
-    """The lines of a file, as long as those of one row are no longer than a row may be.
-
-    Attributes:
-        number: of the line that was read last, from 1.
-    """
-
-    def __init__(self, path: Path, stream: TextIO) -> None:
-        self._path = path
-        self._stream = stream
-        self._room = _LONGEST_ROW
-        self.number = 0
-
-    def begin_row(self) -> None:
-        self._room = _LONGEST_ROW
-
-    def __iter__(self) -> Iterator[str]:
-        return self
-
-    def __next__(self) -> str:
-        line = self._stream.readline(self._room)
-        self._room -= len(line)
-        if self._room <= 0:
-            raise RecordingError(f"{self._path}: a row of more than {_LONGEST_ROW} characters")
-        if not line:
-            raise StopIteration
-        self.number += 1
-        return line
 
 
 def _words(table: _Table, row: list[str]) -> list[str]:

@@ -207,10 +207,16 @@ def test_an_orientation_may_have_times_of_its_own(tmp_path):
     assert found.notes[0].endswith("(first in line 4: '' under 'head_time_s', expected a number)")
 
 
-@pytest.mark.parametrize("row", ["1,1,0,0," + "0" * 2**20, "1,1,0,0," + '"\n",' * 2**19])
-def test_a_row_beyond_all_measure_is_refused(tmp_path, row):
+@pytest.mark.parametrize(
+    ("row", "problem"),
+    [
+        ("1,1,0,0," + "0" * 2**20, "a row of more than 1048576 characters"),
+        ("1,1,0,0," + '"\n",' * 2**19, "line 2 has a quote that another line closes"),
+    ],
+)
+def test_a_row_beyond_all_measure_is_refused(tmp_path, row, problem):
     (tmp_path / "a.csv").write_text(f"time,qw,qx,qy,qz\n{row}\n")
-    with pytest.raises(RecordingError, match="a row of more than 1048576 characters"):
+    with pytest.raises(RecordingError, match=problem):
         read_orientations(tmp_path / "a.csv")
 
 
