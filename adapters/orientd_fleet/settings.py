@@ -23,7 +23,7 @@ from pydantic import Field, model_validator
 from orientd import config
 from orientd.config.operation import Endpoint, is_host_and_port
 from orientd.config.table import Name, SomePath, Table, checked
-from orientd.errors import ConfigError
+from orientd.errors import ConfigError, RequestError
 
 UNIX = "unixsock-stream/"
 TLS = "tls/"
@@ -84,9 +84,9 @@ class FleetSettings(Table):
     def _check_endpoints(self) -> FleetSettings:
         endpoints = self.listen + self.connect
         if not endpoints:
-            raise ValueError("listen: expected an endpoint here or in fleet.connect, got none")
+            raise RequestError("listen", "expected an endpoint here or in fleet.connect, got none")
         if self.is_tls and any(endpoint.startswith(UNIX) for endpoint in endpoints):
-            raise ValueError("listen: expected TLS everywhere, or Unix sockets everywhere")
+            raise RequestError("listen", "expected TLS everywhere, or Unix sockets everywhere")
         return self
 
 

@@ -150,9 +150,10 @@ class DeviceSettings(Table):
     @model_validator(mode="after")
     def _check_together(self) -> DeviceSettings:
         if self.compensate_latency is True and self.latency is None:
-            raise ValueError(
-                "compensate_latency: true needs latency, in seconds; "
-                f"`orientd doctor --config FILE --latency {self.name}` finds it"
+            raise RequestError(
+                "compensate_latency",
+                "true needs latency, in seconds; "
+                f"`orientd doctor --config FILE --latency {self.name}` finds it",
             )
         if self.limits.model_fields_set:
             self.limits.to_limits().check_range(1.0 / self.rate_hz)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import re
 import tomllib
@@ -26,33 +25,10 @@ from orientd.config.operation import (
 from orientd.config.table import SOURCE, Table
 from orientd.errors import ConfigError, RequestError
 from orientd.files import MEBIBYTE, read_bounded
+from orientd.model.refusal import refused
 from orientd.one_line import one_line
-from orientd.spelling import number_hint
 
 _log = logging.getLogger(__name__)
-
-_EXPECTED = {
-    "too_short": "at least one table [devices.NAME]",
-    "string_pattern_mismatch": "a letter, then at most 31 letters, digits, '-' or '_'",
-    "is_instance_of": "a path",
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "bool_type": "true or false",
-    "string_type": "a text",
-}
-_NUMBERS = ("float_type", "int_type")
-_NEXT_STEPS = {
-    "missing": "add this key",
-    "string_type": "put it in quotes",
-    "is_instance_of": "put it in quotes",
-    "too_short": "add one",
-    "string_pattern_mismatch": "choose another name",
-    **dict.fromkeys(
-        ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"),
-        "give a number in this range, or leave the key out for its default",
-    ),
-}
-"""The next step after an error of validation, by its kind."""
 
 _TOML_PLACE = re.compile(r"\(at line (\d+), column \d+\)")
 _TOML_HINTS = (
@@ -137,7 +113,7 @@ class Settings(Table):
         }
         for name, command in MOVED.items():
             if name in table and name not in {*packages, *cls.model_fields}:
-                raise ValueError(f"{name}: {command} reads this table, and is not installed here")
+                raise RequestError(name, f"{command} reads this table, and is not installed here")
         settings = handler({key: table[key] for key in table if key not in packages})
         settings._of_packages = packages  # noqa: SLF001 - an object of this class
         return settings
@@ -165,7 +141,8 @@ class Settings(Table):
         phases = _spread()
         for name, device in table["devices"].items():
             if isinstance(device, Mapping) and "name" in device:
-                raise ValueError(f"devices.{name}.name: the table's own name is the device's name")
+                problem = "the table's own name is the device's name"
+                raise RequestError(f"devices.{name}.name", problem)
             if isinstance(device, Mapping):
                 phase = {} if "phase" in device else {"phase": next(phases)}
                 rate = {} if "rate_hz" in device else _own_rate(device.get("driver"))
@@ -296,40 +273,4 @@ def parse_as(kind: type[Read], table: Mapping[str, Any], *, source: str) -> Read
     try:
         return kind.model_validate(table, context={SOURCE: source})
     except ValidationError as error:
-        raise ConfigError(one_line(f"{source}: {_describe(error)}")) from error
-
-
-_LONGEST_KEY = 60
-"""Characters of a key that are shown."""
-
-
-def _describe(error: ValidationError) -> str:
-    """Return the first complaint on one line: key, what was expected, what came."""
-    first = error.errors(include_url=False)[0]
-    place = [str(part)[:_LONGEST_KEY] for part in first["loc"] if part != "[key]"]
-    kind, came, context = first["type"], first["input"], first.get("ctx", {})
-    key = ".".join(place)
-    if kind == "unknown_key":
-        return f"{'.'.join([*place, str(context['key'])[:_LONGEST_KEY]])}: {first['msg']}"
-    if kind == "value_error":
-        error = context["error"]
-        if isinstance(error, RequestError):
-            return f"{'.'.join(filter(None, [key, error.field]))}: {error.problem}"
-        return ".".join([*place, str(error)])
-    if kind == "missing":
-        return f"{key}: missing; {_NEXT_STEPS[kind]}"
-    if kind in ("model_type", "model_attributes_type", "dict_type"):
-        brackets = "in single brackets" if isinstance(came, list) else f"as [{key}]"
-        return f"{key}: expected a table, got {came!r}; write its heading {brackets}"
-    if isinstance(came, float) and not math.isfinite(came):
-        step = _NEXT_STEPS["finite_number"]
-        return f"{key}: expected a finite number, got {came!r}; {step}"
-    expected = _EXPECTED.get(kind) or first["msg"].removeprefix("Input should be ")
-    hint = ""
-    if kind in _NUMBERS and isinstance(came, str):
-        hint = number_hint(came)
-    elif kind == "bool_type" and came in ("true", "false"):
-        hint = " (without quotes it would be one)"
-    elif kind in _NEXT_STEPS:
-        hint = f"; {_NEXT_STEPS[kind]}"
-    return f"{key}: expected {expected}, got {came!r}{hint}"
+        raise ConfigError(one_line(f"{source}: {refused(error, kind)}")) from error

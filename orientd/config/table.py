@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
-
-from orientd.spelling import unknown_key
 
 SOURCE = "source"
 """Key of the validation context: the name of the file, for messages about its settings."""
@@ -25,18 +23,6 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     implied: ClassVar[frozenset[str]] = frozenset()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _know_keys(cls, table: object) -> object:
-        if not isinstance(table, Mapping):
-            return table
-        known = [name for name in cls.model_fields if name not in cls.implied]
-        for key in table:
-            if key not in cls.model_fields:
-                told = {"key": key, "problem": unknown_key(key, known)}
-                raise PydanticCustomError("unknown_key", "{problem}", told)
-        return table
 
 
 def checked(expected: str, convert: Callable[[Any], object]) -> BeforeValidator:

@@ -1,5 +1,5 @@
 """The model of a motion request, the same for a motion file, Python and a message.
 
 Other packages import from ``cones``, ``fields``, ``keyframes``, ``limits``, ``orientation``,
-``plain``, ``reading``, ``request`` and ``schema``.
+``plain``, ``reading``, ``refusal``, ``request`` and ``schema``.
 """

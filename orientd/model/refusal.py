@@ -25,6 +25,8 @@ _EXPECTED = {
     "dict_type": "a mapping",
     "dataclass_type": "a mapping",
     "mapping_type": "a mapping",
+    "is_instance_of": "a path",
+    "string_pattern_mismatch": "a letter, then at most 31 letters, digits, '-' or '_'",
 }
 _NEXT_STEPS = {
     "float_type": "give a number such as 1.5",
@@ -39,6 +41,13 @@ _NEXT_STEPS = {
     "dataclass_type": "write it as {KEY: VALUE}",
     "mapping_type": "write it as {KEY: VALUE}",
     "literal_error": "give one of them",
+    "is_instance_of": "put it in quotes",
+    "string_pattern_mismatch": "choose another name",
+    "too_short": "add one",
+    **dict.fromkeys(
+        ("greater_than", "greater_than_equal", "less_than", "less_than_equal"),
+        "give a number in this range, or leave the key out for its default",
+    ),
 }
 """The next step after an error of validation, by its kind."""
 _UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden", "invalid_key")
@@ -93,10 +102,20 @@ def refused(error: ValidationError, of: Any) -> RequestError:  # noqa: ANN401 - 
         count, size = first["ctx"]["max_length"], first["ctx"]["actual_length"]
         problem = f"expected {count} entries, got {size}: {shown(came)}"
         return RequestError(_path(loc), f"{problem}; give {count}, with decimal points")
-    expected = _EXPECTED.get(kind) or first.get("ctx", {}).get("expected") or first["msg"]
+    if kind in ("model_type", "dict_type") and hasattr(of, "model_fields"):
+        # Of a configuration, which is TOML.
+        brackets = "in single brackets" if isinstance(came, list) else f"as [{_path(loc)}]"
+        problem = f"expected a table, got {shown(came)}; write its heading {brackets}"
+        return RequestError(_path(loc), problem)
+    expected = _EXPECTED.get(kind) or first.get("ctx", {}).get("expected")
+    expected = expected or first["msg"].removeprefix("Input should be ")
     if kind == "dict_type" and (needed := _needed(of, loc)):
         expected = f"{{{', '.join(f'{key}: ...' for key in needed)}}}"
+    if kind == "too_short":
+        expected = f"at least one table [{_path(loc)}.NAME]" if came == {} else "at least one"
     value = shown(came)
+    if kind == "bool_type" and came in ("true", "false"):
+        value += " (without quotes it would be one)"
     is_hinted = value.endswith(")")  # how this text would be a number
     step = "" if kind not in _NEXT_STEPS or is_hinted else f"; {_NEXT_STEPS[kind]}"
     return RequestError(_path(loc), f"expected {expected}, got {value}{step}")
@@ -138,8 +157,12 @@ def _names(of: Any) -> dict[str, str]:  # noqa: ANN401 - a table
     """Return the keys of a table by the names of its attributes."""
     if not hasattr(of, "__pydantic_fields__"):
         return {name: name for name in of.__annotations__}
-    known = of.__pydantic_fields__
-    return {name: str(field.validation_alias or name) for name, field in known.items()}
+    known, implied = of.__pydantic_fields__, getattr(of, "implied", ())
+    return {
+        name: str(field.validation_alias or name)
+        for name, field in known.items()
+        if name not in implied
+    }
 
 
 def _table(of: Any) -> Any:  # noqa: ANN401 - any type

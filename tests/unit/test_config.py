@@ -86,7 +86,7 @@ def test_what_is_given_is_kept(tmp_path):
         ),
         (
             "[devices.arm]\ndriver = 'x'\nrate_hz = true",
-            "devices.arm.rate_hz: expected a number, got True",
+            "devices.arm.rate_hz: expected a number, got true",
         ),
         (
             "[devices.arm]\ndriver = 'x'\nrat_hz = 5",
@@ -200,7 +200,7 @@ def test_lead_is_a_number_or_the_latency_that_was_found():
     [
         ({"compensate_latency": True}, "compensate_latency: true needs latency"),
         ({"compensate_latency": -0.1}, "expected a number of seconds from 0 to 1, or true"),
-        ({"compensate_latency": "0.1"}, "got '0.1'"),
+        ({"compensate_latency": "0.1"}, "got the text '0.1'"),
         ({"compensate_latency": float("nan")}, "got nan"),
         ({"latency": True}, "devices.arm.latency: expected a number of seconds from 0 to 1, got"),
     ],
@@ -296,9 +296,9 @@ def test_roles_and_tcp_are_read(tmp_path):
     [
         ('"operator"', '"king"', "access.users.alice: expected one of observer, operator, admin"),
         ('"operator"', "3", "access.users.alice: expected one of observer, operator, admin"),
-        ("[::1]:7450", "7450", "tcp.listen: expected HOST:PORT, got '7450'"),
-        ("[::1]:7450", "a:b", "tcp.listen: expected HOST:PORT, got 'a:b'"),
-        ("00:ab:12", "xyz", "tcp.revoked.0: expected a serial number of at most 40 hexadecimal"),
+        ("[::1]:7450", "7450", "tcp.listen: expected HOST:PORT, got the text '7450'"),
+        ("[::1]:7450", "a:b", "tcp.listen: expected HOST:PORT, got the text 'a:b'"),
+        ("00:ab:12", "xyz", "tcp.revoked[0]: expected a serial number of at most 40 hexadecimal"),
         ('key = "/k"', "", "tcp.key: missing"),
     ],
 )

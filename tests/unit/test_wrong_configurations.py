@@ -16,11 +16,12 @@ WRONG = {
     ),
     "a number in quotes": (
         DEVICE + "rate_hz = '500'\n",
-        "devices.arm.rate_hz: expected a number, got '500' (without quotes it would be a number)",
+        "devices.arm.rate_hz: expected a number, got the text '500' (without "
+        "quotes it would be a number)",
     ),
     "a number with its unit": (
         DEVICE + "feedback_timeout = '100 ms'\n",
-        "devices.arm.feedback_timeout: expected a number, got '100 ms' "
+        "devices.arm.feedback_timeout: expected a number, got the text '100 ms' "
         "(write the number alone, without a unit)",
     ),
     "a unit without quotes": (
@@ -34,7 +35,7 @@ WRONG = {
     ),
     "true in quotes": (
         DEVICE + "auto_enable = 'true'\n",
-        "devices.arm.auto_enable: expected true or false, got 'true' "
+        "devices.arm.auto_enable: expected true or false, got the text 'true' "
         "(without quotes it would be one)",
     ),
     "a text without quotes": (
@@ -58,7 +59,7 @@ WRONG = {
     ),
     "a rate that is infinite": (
         DEVICE + "rate_hz = inf\n",
-        "devices.arm.rate_hz: expected a finite number, got inf; "
+        "devices.arm.rate_hz: expected less than or equal to 4000, got inf; "
         "give a number in this range, or leave the key out for its default",
     ),
     "a device without a driver": (
@@ -106,7 +107,7 @@ WRONG = {
     "a name with a space": (
         "[devices.'arm 2']\ndriver = 'loopback'\n",
         "devices.arm 2.name: expected a letter, then at most 31 letters, digits, '-' or '_', "
-        "got 'arm 2'; choose another name",
+        "got the text 'arm 2'; choose another name",
     ),
     "a quote that is left open": (
         "[devices.arm]\ndriver = 'loopback",
