@@ -22,30 +22,33 @@ A file has a motion for each of several devices of several daemons:
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, NotRequired
+
+from pydantic import Field
 
 from orientd import motion_file
 from orientd.client import MoveHandle, Robot
 from orientd.client.connection import StartAt
 from orientd.client.daemon_clock import Offset
+from orientd.config.table import Name
 from orientd.errors import DaemonError, LateError, OrientdError, RequestError, naming
+from orientd.model.fields import Number, StrictTable, Text
+from orientd.model.reading import read_as
+from orientd.model.request import MotionRequest
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import GOOD_OUTCOMES
 from orientd.structured_text import read_structured
 
 if TYPE_CHECKING:
-    from orientd.planner import MotionRequest
     from orientd_fleet.client import Fleet
 
 START_IN = 0.5
 """Time from the end of planning to the start unless a plan says otherwise, s."""
-
-_KEYS = {"daemon", "device", "motion", "file"}
 
 LEAST_MARGIN_NS = 50_000_000
 """Time before the start in which motions are only withdrawn, not armed any more."""
@@ -300,54 +303,38 @@ def _skew(
     return (max(instants) - min(instants)) * 1e-9, widest * 1e-9
 
 
+class _Entry(StrictTable):
+    """A motion of a plan; it is here, or in a file."""
+
+    daemon: Name
+    device: NotRequired[Text]
+    motion: NotRequired[MotionRequest]
+    file: NotRequired[Text]
+
+
+class _Plan(StrictTable):
+    """The content of a plan."""
+
+    motions: Annotated[list[_Entry], Field(min_length=1)]
+    start_in: NotRequired[Annotated[Number, Field(gt=0.0)]]
+
+
 def read_plan(path: Path) -> tuple[list[FleetMotion], float]:
     """Return the motions in a file, and the time from the end of planning to their start, s.
 
     Raises:
         RequestError: the file cannot be read or is not well formed.
     """
-    content = read_structured(path)
-    if not isinstance(content, Mapping) or not isinstance(content.get("motions"), list):
-        raise RequestError("motions", "expected a list, each of daemon, device and motion")
-    _check_keys("", content, {"motions", "start_in"})
-    start_in = content.get("start_in", START_IN)
-    if isinstance(start_in, bool) or not isinstance(start_in, int | float) or not start_in > 0:
-        raise RequestError("start_in", f"expected seconds above 0, got {start_in!r}")
-    motions = [
-        _motion(f"motions[{number}]", one, path.parent)
-        for number, one in enumerate(content["motions"])
-    ]
-    if not motions:
-        raise RequestError("motions", "expected at least one, got none")
+    plan: _Plan = read_as(_Plan, read_structured(path))
+    motions = []
+    for number, one in enumerate(plan["motions"]):
+        if ("file" in one) == ("motion" in one):
+            problem = "expected either a motion here or a file"
+            raise RequestError(f"motions[{number}].motion", problem)
+        request = one["motion"] if "motion" in one else motion_file.load(path.parent / one["file"])
+        motions.append(FleetMotion(one["daemon"], one.get("device", ""), request))
     names = [str(motion) for motion in motions]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise RequestError("motions", f"expected each device once, got {twice} twice")
-    return motions, float(start_in)
-
-
-def _motion(place: str, content: object, folder: Path) -> FleetMotion:
-    if not isinstance(content, Mapping):
-        raise RequestError(place, f"expected daemon, device and motion, got {content!r}")
-    _check_keys(f"{place}.", content, _KEYS)
-    daemon, device = content.get("daemon"), content.get("device", "")
-    if not isinstance(daemon, str) or not daemon or "/" in daemon or "*" in daemon:
-        raise RequestError(f"{place}.daemon", f"expected the name of a daemon, got {daemon!r}")
-    if not isinstance(device, str):
-        raise RequestError(f"{place}.device", f"expected the name of a device, got {device!r}")
-    if ("file" in content) == ("motion" in content):
-        raise RequestError(f"{place}.motion", "expected either a motion here or a file")
-    try:
-        if "file" in content:
-            return FleetMotion(daemon, device, motion_file.load(folder / str(content["file"])))
-        return FleetMotion(daemon, device, motion_file.parse(content["motion"]))
-    except RequestError as error:
-        field = f"{place}.motion.{error.field}" if error.field else f"{place}.motion"
-        raise RequestError(field, error.problem) from error
-
-
-def _check_keys(place: str, content: Mapping[object, object], known: set[str]) -> None:
-    for key in content:
-        if key not in known:
-            expected = ", ".join(sorted(known))
-            raise RequestError(f"{place}{key}", f"expected one of {expected}")
+    return motions, plan.get("start_in", START_IN)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -15,9 +16,6 @@ from orientd.model.limits import UNITS, Limits
 from orientd.model.plain import shown, to_plain
 from orientd.model.refusal import refused
 from orientd.model.request import Frame, Keyframe, MotionRequest, Pose
-
-_FRAMES = dict[str, Frame]
-_REQUEST, _KEYFRAME = TypeAdapter(MotionRequest), TypeAdapter(Keyframe)
 
 
 def read_request(content: object) -> MotionRequest:
@@ -32,7 +30,7 @@ def read_request(content: object) -> MotionRequest:
     if not isinstance(content, Mapping):
         expected = "a motion must be a mapping with the key 'keyframes'"
         raise RequestError("", f"{expected}, got {shown(content)}")
-    request: MotionRequest = _read(_REQUEST, MotionRequest, content)
+    request: MotionRequest = read_as(MotionRequest, content)
     return request
 
 
@@ -42,7 +40,7 @@ def read_keyframe(content: object) -> Keyframe:
     Raises:
         RequestError: it is not well formed.
     """
-    keyframe: Keyframe = _read(_KEYFRAME, Keyframe, content)
+    keyframe: Keyframe = read_as(Keyframe, content)
     return keyframe
 
 
@@ -52,16 +50,26 @@ def read_frames(content: object) -> dict[str, Frame]:
     Raises:
         RequestError: one is not well formed.
     """
-    frames: dict[str, Frame] = _read(TypeAdapter(_FRAMES), _FRAMES, content)
+    frames: dict[str, Frame] = read_as(dict[str, Frame], content)
     return frames
 
 
-def _read(adapter: TypeAdapter[Any], of: Any, content: object) -> Any:  # noqa: ANN401 - any type
+def read_as(of: Any, content: object) -> Any:  # noqa: ANN401 - any type
+    """Return *content* as a value of the type *of*, such as a table of fields of the model.
+
+    Raises:
+        RequestError: it is not well formed.
+    """
     try:
         # A quaternion's attribute is `q` as in formulas, which is no key of a file.
-        return adapter.validate_python(content, by_alias=True, by_name=False)
+        return _adapter(of).validate_python(content, by_alias=True, by_name=False)
     except ValidationError as error:
         raise refused(error, of) from None
+
+
+@cache
+def _adapter(of: Any) -> TypeAdapter[Any]:  # noqa: ANN401 - any type
+    return TypeAdapter(of)
 
 
 def written(request: MotionRequest) -> dict[str, Any]:
