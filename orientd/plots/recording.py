@@ -20,6 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PLANNED = "#c4c4c4"
+_LABELS = {
+    "orientation": "rotation vector, rad",
+    "velocity": "angular velocity, rad/s",
+    "deviation": "deviation, mrad",
+    "lateness": "lateness, ms",
+}
+"""Label of each chart, from the top down."""
 _NAME_WIDTH = 0.012
 """Width of the name of an event, as a share of the chart's."""
 
@@ -54,16 +61,26 @@ def draw_recording(
     """
     check_format(path)
     figure = new_figure(12.0, 10.0, title)
-    names = ("orientation", "velocity", "deviation", "lateness")
     charts: dict[str, Axes] = figure.subplot_mosaic(
-        [[name] for name in names], sharex=True, height_ratios=[1.5, 1.2, 0.9, 0.7]
+        [[name] for name in _LABELS], sharex=True, height_ratios=[1.5, 1.2, 0.9, 0.7]
     )
+    for name, label in _LABELS.items():
+        tidy(charts[name], label)
     begin = int(cycles["deadline_ns"][0]) if len(cycles) else 0
     times = (cycles["deadline_ns"] - begin) * 1e-9
     told = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
     measured_times = (told["feedback_time_ns"] - begin) * 1e-9
-    _draw_orientation(charts["orientation"], times, cycles, planned_q, measured_times, told)
-    _draw_velocity(charts["velocity"], times, cycles, measured_times, told)
+    origin = cycles["sent_q"][:1]
+    sent = _unwound(_vectors(cycles["sent_q"], origin))
+    # The same branch as what was sent, whatever the sign of a quaternion.
+    later = np.clip(np.searchsorted(times, measured_times), 0, len(times) - 1)
+    measured = _near(_vectors(told["measured_q"], origin), sent[later])
+    _draw_planned(charts["orientation"], times, _near(_vectors(planned_q, origin), sent))
+    _draw_components(charts["orientation"], times, sent, " sent")
+    _draw_dots(charts["orientation"], measured_times, measured)
+    _legend(charts["orientation"])
+    _draw_components(charts["velocity"], times, cycles["sent_omega_body"])
+    _draw_dots(charts["velocity"], measured_times, told["measured_omega_body"])
     _draw_deviation(charts["deviation"], times, cycles, planned_q, measured_times, told)
     _draw_lateness(charts["lateness"], times, cycles["lateness_ns"] * 1e-9, period)
     instants = [((time_ns - begin) * 1e-9, name) for time_ns, name in marks]
@@ -101,69 +118,45 @@ def draw_orientations(path: Path, times: Floats, q: Floats, *, title: str) -> No
     charts: dict[str, Axes] = figure.subplot_mosaic(
         [["orientation"], ["velocity"]], sharex=True, height_ratios=[1.5, 1.2]
     )
-    tidy(charts["orientation"], "rotation vector, rad")
-    tidy(charts["velocity"], "angular velocity, rad/s")
+    for name, axes in charts.items():
+        tidy(axes, _LABELS[name])
     vectors = _unwound(_vectors(q, q[:1]))
     steps = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
     rates, middles = steps / np.diff(times)[:, None], 0.5 * (times[:-1] + times[1:])
-    every, few = _every(times), _every(middles)
-    for k, axis in enumerate(AXES):
-        charts["orientation"].plot(
-            times[every], vectors[every, k], color=axis.colour, linewidth=1.4, label=axis.name
-        )
-        charts["velocity"].plot(
-            middles[few], rates[few, k], color=axis.colour, linewidth=1.0
-        )  # fmt: skip
+    _draw_components(charts["orientation"], times, vectors)
+    _draw_components(charts["velocity"], middles, rates)
     _legend(charts["orientation"])
     charts["velocity"].set_xlabel("time, s", fontsize=9)
     charts["velocity"].set_xlim(times[0], times[-1])
     save(figure, path)
 
 
-def _draw_orientation(
-    axes: Axes,
-    times: Floats,
-    cycles: NDArray[np.void],
-    planned_q: Floats,
-    measured_times: Floats,
-    told: NDArray[np.void],
-) -> None:
-    tidy(axes, "rotation vector, rad")
-    every, origin = _every(times), cycles["sent_q"][:1]
-    sent = _unwound(_vectors(cycles["sent_q"], origin))
-    # The same branch as what was sent, whatever the sign of a quaternion.
-    planned = _near(_vectors(planned_q, origin), sent)
-    later = np.clip(np.searchsorted(times, measured_times), 0, len(times) - 1)
-    measured = _near(_vectors(told["measured_q"], origin), sent[later])
-    for k in range(3):
-        axes.plot(
-            times[every], planned[every, k], color=PLANNED, linewidth=5.0,
-            label="planned" if k == 0 else None, zorder=1.5, solid_capstyle="butt",
-        )  # fmt: skip
-    for k, axis in enumerate(AXES):
-        axes.plot(
-            times[every], sent[every, k], color=axis.colour, linewidth=1.4,
-            label=f"{axis.name} sent", zorder=2.0,
-        )  # fmt: skip
-        _dots(axes, measured_times, measured[:, k], axis.colour, f"{axis.name} measured")
-    _legend(axes)
+def _draw_planned(axes: Axes, times: Floats, vectors: Floats) -> None:
+    every = _every(times)
+    lines = axes.plot(
+        times[every], vectors[every], color=PLANNED, linewidth=5.0, zorder=1.5,
+        solid_capstyle="butt",
+    )  # fmt: skip
+    lines[0].set_label("planned")
 
 
-def _draw_velocity(
-    axes: Axes,
-    times: Floats,
-    cycles: NDArray[np.void],
-    measured_times: Floats,
-    told: NDArray[np.void],
-) -> None:
-    tidy(axes, "angular velocity, rad/s")
+def _draw_components(axes: Axes, times: Floats, vectors: Floats, what: str = "") -> None:
     every = _every(times)
     for k, axis in enumerate(AXES):
         axes.plot(
-            times[every], cycles["sent_omega_body"][every, k], color=axis.colour, linewidth=1.4,
-            zorder=2.0,
+            times[every], vectors[every, k], color=axis.colour, linewidth=1.4,
+            label=f"{axis.name}{what}", zorder=2.0,
         )  # fmt: skip
-        _dots(axes, measured_times, told["measured_omega_body"][:, k], axis.colour, None)
+
+
+def _draw_dots(axes: Axes, times: Floats, vectors: Floats) -> None:
+    step = max(1, len(times) // 150)
+    for k, axis in enumerate(AXES):
+        axes.plot(
+            times[::step], vectors[::step, k], linestyle="none", marker="o", markersize=3.2,
+            markerfacecolor="none", markeredgecolor=axis.colour, markeredgewidth=0.8,
+            label=f"{axis.name} measured", zorder=2.5,
+        )  # fmt: skip
 
 
 def _draw_deviation(
@@ -174,7 +167,6 @@ def _draw_deviation(
     measured_times: Floats,
     told: NDArray[np.void],
 ) -> None:
-    tidy(axes, "deviation, mrad")
     off_plan = 1e3 * rotation.angle(planned_q, cycles["sent_q"])
     error = 1e3 * rotation.angle(told["sent_q"], told["measured_q"])
     every, few = _every(times), _every(measured_times)
@@ -191,21 +183,11 @@ def _draw_deviation(
 
 
 def _draw_lateness(axes: Axes, times: Floats, lateness: Floats, period: float) -> None:
-    tidy(axes, "lateness, ms")
     every = _every(times)
     late = np.maximum(1e3 * lateness, 1e-3)
     axes.scatter(times[every], late[every], s=2, color=AXES[2].colour, linewidth=0)
     axes.axhline(500.0 * period, color=LIMIT, linewidth=1.0, linestyle=":")
     axes.set_yscale("log")
-
-
-def _dots(axes: Axes, times: Floats, values: Floats, colour: str, label: str | None) -> None:
-    step = max(1, len(times) // 150)
-    axes.plot(
-        times[::step], values[::step], linestyle="none", marker="o", markersize=3.2,
-        markerfacecolor="none", markeredgecolor=colour, markeredgewidth=0.8, label=label,
-        zorder=2.5,
-    )  # fmt: skip
 
 
 def _mark(axes: Axes, marks: Sequence[tuple[float, str]], span: float, *, is_named: bool) -> None:
