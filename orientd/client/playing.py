@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, SupportsFloat, TypeGuard
 
 import numpy as np
@@ -182,21 +182,11 @@ class Playing(Tracking):
         found = self.report.chunks
         left = min(found.least_left if found.HasField("least_left") else math.inf, self._least_left)
         inference = max(self._inference, 0.0)
+        counted = {field.name for field in fields(PlayTiming)} & {*found.DESCRIPTOR.fields_by_name}
         return PlayTiming(
-            chunks=found.chunks,
-            live=found.live,
-            stale=found.stale,
-            skipped=found.skipped,
+            **{name: getattr(found, name) for name in counted},
             refused=self.report.refused,
             refusal=self.report.refusal,
-            starved=found.starved,
-            largest_seam=found.largest_seam,
-            behind=found.behind,
-            largest_behind=found.largest_behind,
-            lag=found.lag,
-            position_behind=found.position_behind,
-            largest_position_behind=found.largest_position_behind,
-            position_lag=found.position_lag,
             inference=inference,
             longest_inference=max(inference + left, 0.0),
         )

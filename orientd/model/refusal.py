@@ -112,7 +112,8 @@ def refused(error: ValidationError, of: Any) -> RequestError:  # noqa: ANN401 - 
     if kind == "dict_type" and (needed := _needed(of, loc)):
         expected = f"{{{', '.join(f'{key}: ...' for key in needed)}}}"
     if kind == "too_short":
-        expected = f"at least one table [{_path(loc)}.NAME]" if came == {} else "at least one"
+        least = f"at least {first['ctx']['min_length']}"
+        expected = f"at least one table [{_path(loc)}.NAME]" if came == {} else least
     value = shown(came)
     if kind == "bool_type" and came in ("true", "false"):
         value += " (without quotes it would be one)"
