@@ -175,7 +175,7 @@ def test_the_socket_of_the_daemon_can_be_named(tmp_path):
     ("table", "problem"),
     [
         ("", "fleet: missing"),
-        ('[fleet]\ncell = "lab"\nname = "a"\nlisten = ["tcp/h:1"]\n', "fleet.listen.0: expected"),
+        ('[fleet]\ncell = "lab"\nname = "a"\nlisten = ["tcp/h:1"]\n', "fleet.listen[0]: expected"),
     ],
 )
 def test_settings_that_do_not_suffice_are_refused_in_one_line(tmp_path, table, problem):
