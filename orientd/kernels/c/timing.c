@@ -75,32 +75,6 @@ static void take_mesh(mesh_t *mesh, mesh_t other) {
 
 static double length_of(const double *v) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-/* Write the first two derivatives of the axes' angles by the path time, order by order. */
-static void put_axis_rates(const timing_t *asked, double t, double rates[2][MOST_AXES + 1]) {
-    index_t piece = piece_of(t, asked->axis_breaks), axes = asked->axis_limits.m;
-    const double *c = row_of(asked->axis_pieces, piece);
-    double u = t - asked->axis_breaks.v[piece];
-    for (index_t k = 0; k < axes; k++) {
-        double p = 0.0, p1 = 0.0, p2 = 0.0;
-        for (int power = 5; power >= 0; power--) {
-            p2 = p2 * u + p1;
-            p1 = p1 * u + p;
-            p = p * u + c[power * axes + k];
-        }
-        rates[0][k] = p1, rates[1][k] = 2.0 * p2;
-    }
-}
-
-/* The same as a share of the limits of the axes. */
-static double share_of_axes(const timing_t *asked, double t, int order) {
-    double rates[2][MOST_AXES + 1], largest = 0.0;
-    if (asked->axis_limits.m)
-        put_axis_rates(asked, t, rates);
-    for (index_t k = 0; k < asked->axis_limits.m; k++)
-        largest = fmax(largest, fabs(rates[order][k]) / row_of(asked->axis_limits, order)[k]);
-    return largest;
-}
-
 /* A vector as a share of the limits of its norm and of its components. */
 static double share_of(const double *v, const double *limits) {
     double most = fmax(fabs(v[1]) / limits[2], fabs(v[2]) / limits[3]);
@@ -172,12 +146,19 @@ static int read_part(const timing_t *asked, index_t place, part_t *part) {
  * slope, bend: derivatives of the path time by the coordinate. */
 static void put_axes(const timing_t *asked, double t, double slope, double bend, index_t spot,
                      index_t spots, profile_path_t *path) {
-    double rates[2][MOST_AXES + 1] = {{0.0}};
-    put_axis_rates(asked, t, rates);
-    for (index_t k = 0; k < (asked->axis_limits.m + 2) / 3 * 3; k++) {
+    index_t piece = piece_of(t, asked->axis_breaks), axes = asked->axis_limits.m;
+    const double *c = row_of(asked->axis_pieces, piece);
+    double u = t - asked->axis_breaks.v[piece];
+    for (index_t k = 0; k < (axes + 2) / 3 * 3; k++) {
+        double p = 0.0, p1 = 0.0, p2 = 0.0;
+        for (int power = 5; k < axes && power >= 0; power--) {
+            p2 = p2 * u + p1;
+            p1 = p1 * u + p;
+            p = p * u + c[power * axes + k];
+        }
         index_t to = 3 * (k / 3 * spots + spot) + k % 3;
-        path->axis_first[to] = rates[0][k] * slope;
-        path->axis_second[to] = rates[1][k] * slope * slope + rates[0][k] * bend;
+        path->axis_first[to] = p1 * slope;
+        path->axis_second[to] = 2.0 * p2 * slope * slope + p1 * bend;
     }
 }
 
@@ -303,8 +284,7 @@ static bool first_mesh(const part_t *part, mesh_t *mesh) {
     for (int side = 0; side < 2; side++)
         for (int order = 0; order < 2 && part->moves[side]; order++) {
             const double *given = order ? part->ends[side].alpha : part->ends[side].omega;
-            double share = fmax(share_of(given, row_of(part->asked->limits, order)),
-                                share_of_axes(part->asked, side ? part->last : part->begin, order));
+            double share = share_of(given, row_of(part->asked->limits, order));
             double highest = order ? 0.9993 : 0.9999;
             for (index_t k = 0; k < pieces && share > highest; k++) {
                 double fading = 1.0 - fmax((double)k - 1.0, 0.0) / (double)pieces;

@@ -1,4 +1,4 @@
 """Connectors from one state of motion to another: lead-ins, lead-outs, retargets and blends.
 
-Other packages import from ``connector``, ``leads`` and ``position_stop``.
+Other packages import from ``axis_leads``, ``connector``, ``leads`` and ``position_stop``.
 """

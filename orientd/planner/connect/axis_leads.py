@@ -1,9 +1,8 @@
 """Leads from a motion that the axes of a device can follow.
 
-The connector of a tool uses the limits of the tool to the full from the beginning on, and leaves an
-axis no room to be slower.  So only its way counts here: it is timed for tool and axes at once, from
-the velocity that both have.  The connector at a lower pace has a longer way, on which there is more
-room.
+The connector of a tool uses the limits of the tool to the full from the beginning on, so the tool
+cannot wait for an axis on it.  Only its way counts here: it is timed for tool and axes at once,
+from the velocity that both have.  The connector at a lower pace has a longer way, on which it can.
 """
 
 from __future__ import annotations
@@ -31,7 +30,10 @@ _PACES = np.geomspace(1.0, 0.12, 7)
 """Shares of the tool's pace, each for another way."""
 
 _SHARE = 0.95
-"""Share of the acceleration and jerk of an axis: a device that brakes as a timing does has room."""
+"""Share of the acceleration and jerk of an axis.
+
+It is more than that of timings, so that a device that brakes as a timing does can go elsewhere.
+"""
 
 _RISE = 1.0
 """Fewest periods in which an axis reaches its acceleration, since it may have some already."""

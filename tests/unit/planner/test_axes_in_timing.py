@@ -16,7 +16,7 @@ from orientd.planner.connect.leads import straight
 from orientd.planner.fitting import Fitting
 from orientd.planner.timing.axes import SHARE, Axes
 from orientd.planner.timing.profiles import quickest
-from orientd.rotation import exp, log, multiply
+from orientd.rotation import angle, exp, log, multiply
 from orientd_ur.arm import MODELS
 
 FREE = Limits(50.0, 5e3, 1e7, 10.0, 1e3)
@@ -189,9 +189,8 @@ def arm_request(random, jerk=math.inf, **fields):
     return planner, MotionRequest(keyframes, approach=True, **fields)
 
 
-def rates_of(motion, axes):
+def rates_of(joints, axes):
     """Return the shares of the limits of all joints, by differences of the records."""
-    joints = motion.path.joints
     shares = []
     for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
         limits = np.array([getattr(axis, name) for axis in axes])
@@ -208,7 +207,7 @@ def test_an_arm_uses_some_limit_nearly_always_and_exceeds_none(jerk):
             motion = planner.plan(request)
         except PlanError:
             continue
-        speed, force, twist = rates_of(motion, planner.mechanism.axes)
+        speed, force, twist = rates_of(motion.path.joints, planner.mechanism.axes)
         assert speed.max() <= 1.001
         assert force.max() <= 1.001
         assert twist.max() <= 1.001
@@ -248,7 +247,7 @@ def test_stops_at_keyframes_are_timed_for_the_axes_too():
     keyframes = [Keyframe(tuple(multiply(q, exp(turn)).tolist())) for turn in turns]
     planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["quick"], PERIOD)
     motion = planner.plan(MotionRequest(keyframes, approach=True))
-    speed, force, _ = rates_of(motion, arm.axes)
+    speed, force, _ = rates_of(motion.path.joints, arm.axes)
     assert speed.max() <= 1.001
     assert force.max() <= 1.001
     for one, other in pairwise(motion.keyframe_times):
@@ -290,7 +289,7 @@ def test_close_to_a_straight_wrist_the_joints_keep_their_limits_in_one_plan():
     planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
     request = MotionRequest([goal], approach=True)
     motion = planner.fitted(planner.planned(request, Axes(arm, joints)))
-    speed, force, _ = rates_of(motion, arm.axes)
+    speed, force, _ = rates_of(motion.path.joints, arm.axes)
     assert 0.89 < max(speed.max(), force.max()) <= 1.001
 
 
@@ -319,7 +318,7 @@ def test_a_gimbal_away_from_its_poles_uses_some_limit_nearly_always_and_says_so(
         planner = Fitting(gimbal, start, joints, LIMITS["arm"], PERIOD)
         request = MotionRequest(keyframes, approach=True)
         motion, tool = planner.plan(request), planner.planned(request)
-        speed, force, _ = rates_of(motion, axes)
+        speed, force, _ = rates_of(motion.path.joints, axes)
         assert max(speed.max(), force.max()) <= 1.001
         longer = motion.duration / tool.duration
         assert longer > 0.97
@@ -340,3 +339,69 @@ def test_a_single_keyframe_at_an_even_pace_is_reached_by_a_quintic():
     middle = motion.sample(np.array([0.5 * motion.keyframe_times[0]]))
     speed = float(np.linalg.norm(middle.omega_body))
     assert speed == pytest.approx(1.875 * 0.4 / motion.keyframe_times[0], rel=0.02)
+
+
+def retargets(count, jerk=math.inf):
+    """Yield motions of random arms, a record of each, a planner from there on, and a request."""
+    random = np.random.default_rng(4)
+    while count:
+        planner, request = arm_request(random, jerk)
+        try:
+            motion = planner.plan(request)
+        except PlanError:
+            continue
+        recorded, record = motion.recorded(), int(random.integers(10, motion.record_count - 10))
+        joints = recorded.joints_at(record)
+        moving = replace(
+            planner,
+            start=recorded.state_at(record),
+            joints=joints,
+            before=recorded.joints_before(record),
+            rates=recorded.joint_rates_at(record),
+        )
+        elsewhere = np.array(joints) + random.normal(0.0, 0.4, 6)
+        q, position = planner.mechanism.forward(tuple(elsewhere.tolist()))
+        yield motion, record, moving, MotionRequest([Keyframe(q, position=position)])
+        count -= 1
+
+
+@pytest.mark.parametrize(("jerk", "least"), [(math.inf, 21), (1000.0, 11)])
+def test_an_arm_in_motion_goes_elsewhere_without_a_stop(jerk, least):
+    planned = 0
+    for before, record, planner, request in retargets(25, jerk):
+        try:
+            motion = planner.plan(request)
+        except PlanError:
+            continue
+        planned += 1
+        joints = np.concatenate([before.path.joints[:record], motion.path.joints])
+        shares = rates_of(joints, planner.mechanism.axes)
+        assert max(float(one.max()) for one in shares) <= 1.001
+        reached = planner.mechanism.forward(tuple(joints[-1].tolist()))
+        (goal,) = request.keyframes
+        assert reached[1] == pytest.approx(goal.position, abs=1e-6)
+        assert angle(np.array(reached[0]), np.array(goal.q)) < 1e-6
+        assert np.all(motion.path.joint_rates[-1] == 0.0)
+    assert planned >= least
+
+
+def near_singular(random):
+    """Return the planner of an arm whose wrist is nearly straight, and a request for it."""
+    arm = MODELS["ur5e"].arm()
+    joints = HOME + random.uniform(-0.6, 0.6, 6)
+    joints[4] = random.uniform(0.03, 0.3)
+    q, position = (np.array(one) for one in arm.forward(tuple(joints.tolist())))
+    there = arm.forward(tuple((joints + random.normal(0.0, 0.3, 6)).tolist()))
+    second = arm.forward(tuple((joints + random.normal(0.0, 0.3, 6)).tolist()))
+    keyframes = [Keyframe(one[0], position=one[1]) for one in (there, second)]
+    start = State.at_rest(q, position)
+    planner = Fitting(arm, start, tuple(joints.tolist()), LIMITS["arm"], PERIOD)
+    return planner, MotionRequest(keyframes, approach=True)
+
+
+@pytest.mark.parametrize("seed", [256, 379])
+def test_a_move_whose_straight_way_is_singular_goes_another_way(seed):
+    planner, request = near_singular(np.random.default_rng(seed))
+    motion = planner.plan(request)
+    speed, force, _ = rates_of(motion.path.joints, planner.mechanism.axes)
+    assert max(float(speed.max()), float(force.max())) <= 1.001
