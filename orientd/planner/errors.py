@@ -8,14 +8,6 @@ from __future__ import annotations
 from orientd.errors import PlanError
 
 
-class LeadOutError(PlanError):
-    """No lead-out leads from the last keyframe to rest."""
-
-
-class JoinError(PlanError):
-    """No connector leads from the state of the device onto a curve that begins there."""
-
-
 class TotalError(PlanError):
     """The keyframes take longer than the requested duration.
 

@@ -29,7 +29,6 @@ from orientd.planner.connect.leads import (
     straight,
 )
 from orientd.planner.connect.position_stop import position_lead
-from orientd.planner.errors import LeadOutError
 from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import (
@@ -360,7 +359,7 @@ class PlanJob:
             share: multiple of the usual share of acceleration and jerk.
 
         Raises:
-            LeadOutError: no lead-out keeps the limits.
+            PlanError: no lead-out keeps the limits.
         """
         if is_still(last.omega_body, last.alpha_body, self.limits):
             return []
@@ -368,7 +367,7 @@ class PlanJob:
             used = min(share * self.lead_share, MOST_SHARE)
             lead = lead_out(last, limits=self.limits, period=self.period, share=used)
         except PlanError as error:
-            raise LeadOutError(f"no lead-out from the last keyframe: {error}") from error
+            raise PlanError(f"no lead-out from the last keyframe: {error}") from error
         return [lead.shifted(end)]
 
     def with_leads(self, path: KeyframePath | State, share: float = 1.0) -> KeyframePath:

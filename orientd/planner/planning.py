@@ -435,7 +435,7 @@ def _along_usual_curve(job: PlanJob, limits: Limits) -> KeyframePath:
     refusal.check_smooth(job.request, path.trajectory.continuity)
     quick = quickest(path, limits, job.period, axes=job.axes_along(path))
     if total is None:
-        return quick
+        return quick if any(job.ends.moves[:1]) else resting.ended_at_record(quick, job.period)
     if not quick.is_from_rest_to_rest:
         raise PlanError(f"no timing of {total:g} s keeps the velocities at the ends")
     return quick.lasting(total)

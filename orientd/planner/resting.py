@@ -393,14 +393,28 @@ def waiting(job: PlanJob, limits: Limits, plan_it: Planned) -> KeyframePath:
     wait = total - path.duration
     if wait <= _WHOLE * total:
         return path
-    held, times = hold(job.request.keys[0 if ends else -1], wait), path.times.copy()
+    notes = *path.notes, WAITS
     if ends:
-        parts, positions = [held, path.trajectory.shifted(wait)], path.positions.delayed(wait)
-        times[1:] += wait
-    else:
-        parts, positions = [path.trajectory, held.shifted(path.duration)], path.positions
-        times[-1] = total
-    return KeyframePath(Trajectory.joined(parts), positions, times, (*path.notes, WAITS))
+        return replace(_delayed(path, wait), notes=notes)
+    held = hold(job.request.keys[-1], wait).shifted(path.duration)
+    times = np.append(path.times[:-1], total)
+    return KeyframePath(Trajectory.joined([path.trajectory, held]), path.positions, times, notes)
+
+
+def ended_at_record(path: KeyframePath, period: float) -> KeyframePath:
+    """Return a path from rest that begins so much later that it ends at a record.
+
+    A motion that follows can then continue from the velocity at its end.
+    """
+    wait = period * math.ceil(path.duration / period - _WHOLE) - path.duration
+    return path if wait <= _WHOLE * period else _delayed(path, wait)
+
+
+def _delayed(path: KeyframePath, wait: float) -> KeyframePath:
+    """Return a path that waits at its first keyframe, s."""
+    held, times = hold(np.array(path.first.q), wait), np.append(0.0, path.times[1:] + wait)
+    trajectory = Trajectory.joined([held, path.trajectory.shifted(wait)])
+    return KeyframePath(trajectory, path.positions.delayed(wait), times, path.notes)
 
 
 def states_at_ends(job: PlanJob) -> tuple[State, State]:
