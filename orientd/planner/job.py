@@ -157,6 +157,15 @@ class PlanJob:
         usual = TAKE_OVER_SHARE if takes_over else self.lead_share
         return min(multiple * usual, MOST_SHARE)
 
+    def share_leaving(self, more: float, multiple: float) -> float:
+        """Return the multiple of the usual share with which leads leave *more* times as much of it.
+
+        Args:
+            more: times what they leave of acceleration and jerk now.
+            multiple: of the usual share that they use now.
+        """
+        return (1.0 - more * (1.0 - multiple * self.lead_share)) / self.lead_share
+
     @property
     def is_taken_over(self) -> bool:
         """Whether a position continues a motion."""
@@ -181,7 +190,11 @@ class PlanJob:
         guess = knots.first_guess(self.limits.with_reserve())
         if self.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
-        guess = min(max(guess, 2.0 * self.period), LONGEST)
+        states = (self.ends.omega_start, self.ends.omega_end)
+        begin, end = (np.zeros(3) if omega is None else omega for omega in states)
+        # At any ends the velocity changes by the integral of the acceleration.
+        change = float(np.linalg.norm(end - begin)) / self.limits.acceleration
+        guess = min(max(guess, change, 2.0 * self.period), LONGEST)
         if is_quick and self.has_one_shape and self.halt.is_held:
             knots = quick_knots(self.request, knots)
         return knots, guess

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from orientd.curves.contract import METHODS
-from orientd.errors import LimitError, PlanError, RequestError, StartError
+from orientd.errors import LimitError, LimitKind, PlanError, RequestError, StartError
 from orientd.model.limits import ANGULAR, PERIODS, UNITS, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
@@ -28,7 +28,7 @@ from orientd.planner.remarks import remarked
 from orientd.planner.resolve import resolved
 from orientd.planner.state import State
 from orientd.planner.timing.axes import Axes
-from orientd.planner.timing.even import about_even, evenly_made, evenly_paced
+from orientd.planner.timing.even import evenly_made, evenly_paced
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME, Knots
 from orientd.planner.timing.profiles import corners, quickest
@@ -178,7 +178,7 @@ def _planned(job: PlanJob, name: str) -> Motion:
     # Short leads only if the time that is given needs them.
     hurried = [job.with_quick_leads()] if is_fixed and any(job.ends.moves) else []
     for one in (job, *hurried):
-        for made in _ordered(one, refused):
+        for made in _ordered(one, refused, is_again=one is not job):
             with _noted(refused, made.attempt.name):
                 return _certified(made, name)
     # These compare the requested duration with the shortest one.
@@ -186,10 +186,10 @@ def _planned(job: PlanJob, name: str) -> Motion:
     raise knowing or refusal.of_attempts(refused)
 
 
-def _ordered(job: PlanJob, refused: Refused) -> Iterator[_Made]:
+def _ordered(job: PlanJob, refused: Refused, *, is_again: bool = False) -> Iterator[_Made]:
     """Yield the paths of all attempts: the fastest of a group first, those that swing out last."""
     swinging: list[_Made] = []
-    for group in _attempts(job):
+    for group in _attempts(job, is_again=is_again):
         paths: list[_Made] = []
         for attempt in group:
             with _noted(refused, attempt.name):
@@ -245,13 +245,20 @@ def _certified(made: _Made, name: str) -> Motion:
         except LimitError as error:
             over = error.value / error.limit
             is_in_lead = error.is_in_lead_in or error.time > whole.times[-1]
-            is_last = over > _FAR_OVER if is_in_lead else is_fixed
-            if is_last or not 1.0 < over < math.inf or error.unit not in _QUANTITIES:
+            is_rising = error.unit == UNITS["velocity"]
+            # A velocity that still rises stops rising sooner with all of the limits, if at all.
+            is_late = over > _FAR_OVER or (is_rising and share == WITHOUT_RESERVE)
+            is_last = is_late if is_in_lead else is_fixed
+            is_stop = is_in_lead and error.kind is LimitKind.TIME
+            is_known = is_stop or error.unit in _QUANTITIES
+            if is_last or not 1.0 < over < math.inf or not is_known:
                 raise
             if not is_in_lead:
                 limits = limits.times(**{_QUANTITIES[error.unit]: _BELOW / over})
-            elif error.unit == UNITS["velocity"]:
-                # A velocity that still rises stops rising sooner with all of the limits.
+            elif is_stop:
+                # It takes about the inverse root of the share that the lead leaves.
+                share = job.share_leaving((over / _BELOW_IN_LEADS) ** 2, share)
+            elif is_rising:
                 share = WITHOUT_RESERVE
             else:
                 share *= _BELOW_IN_LEADS / over
@@ -259,11 +266,15 @@ def _certified(made: _Made, name: str) -> Motion:
     return job.certified(whole, name)
 
 
-def _attempts(job: PlanJob) -> list[list[_Attempt]]:
+def _attempts(job: PlanJob, *, is_again: bool) -> list[list[_Attempt]]:
     """Return the attempts at a job, in groups.
 
     The fastest path of a group is the one to use.  A later group follows if all paths of the
     earlier ones were refused or swing out.  Its paths rest at keyframes or next to moving ends.
+
+    Args:
+        is_again: whether only the leads are shorter than at first, which those of single moves were
+            already.
     """
     request, moves = job.request, any(job.ends.moves)
     if request.is_single:
@@ -271,20 +282,24 @@ def _attempts(job: PlanJob) -> list[list[_Attempt]]:
     next_to_ends = _next_to_moving_ends(job) if moves else []
     quick = replace(job.with_quick_leads(), is_even=False)
     least = partial(resting.least_singly, job)
-    singly = _Attempt("a rest at every keyframe", partial(resting.single_moves, quick), job, least)
-    rests = [singly] if resting.can_move_singly(job) else []
+    move_singly = partial(resting.single_moves, quick)
+    singly = _Attempt("a rest at every keyframe", move_singly, quick, least)
+    rests = [singly] if resting.can_move_singly(job) and not is_again else []
     if request.times is not None:
         groups = [[_Attempt("the times of the request", partial(_as_timed, job), job)]]
     elif job.is_even or (moves and request.total is not None):
         groups = _evenly(job)
     elif moves or not job.has_one_shape:
-        curve = _Attempt(_QUICKEST, partial(_along_usual_curve, job), job)
-        if request.total is None:
-            return [[curve, *next_to_ends, *([] if resting.can_rest(job) else rests)], rests]
-        groups = [[curve]]
+        groups = [[_Attempt(_QUICKEST, partial(_along_usual_curve, job), job)]]
     else:
         groups = _along_curve(job)
-    groups += [[one] for one in next_to_ends + rests]
+    if job.has_one_shape or request.times is not None or request.total is not None:
+        groups.append(next_to_ends)
+    else:
+        # Single moves have no even pace, and connectors with rests are about as fast.
+        is_enough = job.is_even or resting.can_rest(job)
+        groups[0] += next_to_ends if is_enough else next_to_ends + rests
+    groups.append(rests)
     if request.total is not None and moves:
         waiting = partial(resting.waiting, job, plan_it=_fastest)
         groups.append([_Attempt(_WAIT, waiting, job)])
@@ -296,7 +311,7 @@ def _next_to_moving_ends(job: PlanJob) -> list[_Attempt]:
     braking = partial(resting.braking, job, plan_it=_fastest)
     about = partial(resting.least_with_braking, job)
     attempts = [_Attempt("a stop next to the moving ends", braking, job, about)]
-    if resting.can_rest(job) and job.request.times is None:
+    if resting.can_rest(job) and job.request.times is None and not job.is_even:
         connected, least = partial(braking, is_connected=True), partial(resting.least_singly, job)
         attempts.insert(0, _Attempt("connectors at the ends", connected, job, least))
     return attempts
@@ -429,7 +444,7 @@ def _at_even_pace(job: PlanJob, limits: Limits) -> KeyframePath:
 def _along_usual_curve(job: PlanJob, limits: Limits) -> KeyframePath:
     """Return the fastest timing of a curve with a velocity at an end, which fixes its shape."""
     total, (knots, guess) = job.request.total, job.knots(is_quick=False)
-    path = about_even(partial(job.path, knots), guess, job.limits, job.period)
+    path = evenly_made(partial(job.path, knots), guess, job.limits, job.period)
     if path is None:
         raise refusal.of_any_duration(job.start, job.limits)
     refusal.check_smooth(job.request, path.trajectory.continuity)

@@ -19,7 +19,9 @@ PRECISION = 1e-3
 
 _SPOTS = 32  # in an interval, of the first look
 _MOST_LOOKS = 8
-_LONGEST_STRIDE = 2.0  # ratio of durations if the duration changes the curve
+# Of durations that change the curve: the longest ratio of two, and of the last to the first.
+_LONGEST_STRIDE, _FARTHEST = 2.0, 16.0
+_LEAST_POWER = 0.3  # of the duration, with which such a curve's peaks fall at least
 _LEAST = 1e-9
 
 
@@ -85,13 +87,10 @@ def evenly_paced(
     return kept
 
 
-def about_even(
+def evenly_made(
     make: Callable[[float], KeyframePath], guess: float, limits: Limits, period: float
 ) -> KeyframePath | None:
-    """Return a path of about the duration in which it keeps the limits at its own pace.
-
-    At its ends it keeps the acceleration: a timing cannot change that of a moving end.  A curve
-    with a moving end swings out further the longer it takes.
+    """Return a path at its own pace that keeps the limits, whose duration changes the curve.
 
     Args:
         make: makes the path of a duration, s.
@@ -100,36 +99,18 @@ def about_even(
     Returns:
         ``None`` if no duration was found.
     """
-    reserved = limits.with_reserve()
-    longer = excess(make(guess), reserved, period)
-    most = np.array([reserved.acceleration, *reserved.axes("acceleration")])
-    for _ in range(_MOST_LOOKS):
-        guess *= min(max(longer, 1.0), _LONGEST_STRIDE)
-        path = make(period * math.ceil(guess / period))
-        alpha = path.trajectory.ends()[2]
-        longer = float(
-            np.max(np.column_stack([np.linalg.norm(alpha, axis=1), np.abs(alpha)]) / most)
-        )
-        if longer <= 1.0:
-            return path
-    return None
-
-
-def evenly_made(
-    make: Callable[[float], KeyframePath], guess: float, limits: Limits, period: float
-) -> KeyframePath | None:
-    """Return a path at its own pace that keeps the limits, whose duration changes the curve.
-
-    The arguments are those of :func:`about_even`.
-
-    Returns:
-        ``None`` if no duration was found.
-    """
-    cycles = math.ceil(guess / period)
-    for _ in range(_MOST_LOOKS):
+    cycles, power, tried = math.ceil(guess / period), 1.0, (0.0, 0.0)
+    longest = _FARTHEST * cycles
+    for look in range(_MOST_LOOKS):
         path = make(cycles * period)
         longer = excess(path, limits.with_reserve(), period)
         if longer <= 1.0:
             return path
-        cycles = max(math.ceil(cycles * min(longer, _LONGEST_STRIDE)), cycles + 1)
+        here = math.log(cycles), math.log(longer)
+        if look:
+            power = min(max((tried[1] - here[1]) / (here[0] - tried[0]), _LEAST_POWER), 1.0)
+        stride = min((longer * (1.0 + 0.4 * PRECISION)) ** (1.0 / power), _LONGEST_STRIDE)
+        tried, cycles = here, max(math.ceil(cycles * stride), cycles + 1)
+        if cycles > longest:
+            break
     return None

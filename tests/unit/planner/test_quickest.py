@@ -232,14 +232,21 @@ def test_it_is_quicker_and_keeps_the_limits_on_what_is_sent(name, seed):
     assert certificate.brake_rate > 0.0
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", range(2))
 def test_it_passes_the_same_points_as_the_curve_at_its_own_pace(seed):
     random = np.random.default_rng(seed)
-    fields = {"approach": False, "start_velocity": None, "end_velocity": None}
-    asked = random_request(random, LIMITS["arm"], **fields)
-    start = State.at_rest(asked.keys[0], asked.positions[0])
+    asked = random_request(random, LIMITS["arm"], approach=False, start_velocity=None)
+    start = State.at_rest(
+        asked.keys[0], np.zeros(3) if asked.positions is None else asked.positions[0]
+    )
     usual = plan(even(asked), start=start, limits=LIMITS["arm"], period=PERIOD)
-    quick = made(asked.keyframes, LIMITS["arm"], start=start)
+    quick = made(
+        asked.keyframes,
+        LIMITS["arm"],
+        start=start,
+        end_velocity=asked.end_velocity,
+        velocity_frame=asked.velocity_frame,
+    )
     dense = usual.sample(np.linspace(0.0, usual.end_time, 20001))
     some = quick.sample(np.linspace(0.0, quick.end_time, 50))
     nearest = np.abs(some.q @ dense.q.T).argmax(axis=1)
