@@ -8,6 +8,10 @@ from __future__ import annotations
 from orientd.errors import PlanError
 
 
+class LeadError(PlanError):
+    """No lead leads from the state of the device onto a curve, or from its end to rest."""
+
+
 class TotalError(PlanError):
     """The keyframes take longer than the requested duration.
 

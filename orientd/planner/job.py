@@ -29,6 +29,7 @@ from orientd.planner.connect.leads import (
     straight,
 )
 from orientd.planner.connect.position_stop import position_lead
+from orientd.planner.errors import LeadError
 from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import (
@@ -372,7 +373,7 @@ class PlanJob:
             share: multiple of the usual share of acceleration and jerk.
 
         Raises:
-            PlanError: no lead-out keeps the limits.
+            LeadError: no lead-out keeps the limits.
         """
         if is_still(last.omega_body, last.alpha_body, self.limits):
             return []
@@ -380,7 +381,7 @@ class PlanJob:
             used = min(share * self.lead_share, MOST_SHARE)
             lead = lead_out(last, limits=self.limits, period=self.period, share=used)
         except PlanError as error:
-            raise PlanError(f"no lead-out from the last keyframe: {error}") from error
+            raise LeadError(f"no lead-out from the last keyframe: {error}") from error
         return [lead.shifted(end)]
 
     def with_leads(self, path: KeyframePath | State, share: float = 1.0) -> KeyframePath:

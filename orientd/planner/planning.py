@@ -20,6 +20,7 @@ from orientd.model.limits import ANGULAR, PERIODS, UNITS, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
 from orientd.planner.connect.leads import SAME_PLACE, approach
+from orientd.planner.errors import LeadError
 from orientd.planner.job import WITHOUT_RESERVE, PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
@@ -123,12 +124,14 @@ class _Attempt:
             state at a single keyframe.
         job: plans the leads.
         least: returns about the least duration of its path, s.
+        is_slower: whether it repeats an attempt of its name more slowly, to leave room for a lead.
     """
 
     name: str
     make: Callable[[Limits], KeyframePath | State]
     job: PlanJob
     least: Callable[[], float] = float
+    is_slower: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +195,8 @@ def _ordered(job: PlanJob, refused: Refused, *, is_again: bool = False) -> Itera
     for group in _attempts(job, is_again=is_again):
         paths: list[_Made] = []
         for attempt in group:
+            if attempt.is_slower and not isinstance(refused.get(attempt.name), LeadError):
+                continue
             with _noted(refused, attempt.name):
                 least = attempt.least()
                 if any(one.whole.duration <= least for one in paths if not one.further):
@@ -420,7 +425,7 @@ def _evenly(job: PlanJob) -> list[list[_Attempt]]:
     def at(pace: float) -> Callable[[Limits], KeyframePath]:
         return lambda limits: _at_even_pace(job, limits.slowed(pace))
 
-    return [[_Attempt("an even pace", at(pace), job)] for pace in paces]
+    return [[_Attempt("an even pace", at(pace), job, is_slower=pace < 1.0)] for pace in paces]
 
 
 def _at_even_pace(job: PlanJob, limits: Limits) -> KeyframePath:

@@ -22,6 +22,7 @@ from orientd.errors import PlanError
 from orientd.model.limits import Limits, is_still
 from orientd.planner.connect.connector import FACTORS, connector, hold, join, stop
 from orientd.planner.connect.position_stop import check_lead, position_lead
+from orientd.planner.errors import LeadError
 from orientd.planner.path import (
     DEGREE,
     UNIT_ACCELERATION,
@@ -139,7 +140,7 @@ def join_in(
         share: of acceleration and jerk.
 
     Raises:
-        PlanError: no connector within the first interval keeps the limits.
+        LeadError: no connector within the first interval keeps the limits.
     """
     most = min(int(path.times[1] / period), math.ceil(path.duration / period) - 1)
     cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
@@ -150,7 +151,7 @@ def join_in(
         found = find(State(q, omega, alpha, start.position), least=time - 0.5 * period)
         if found.duration < time + 0.5 * period:
             return found
-    raise PlanError(
+    raise LeadError(
         "found no connector from the device's state onto the curve; use c2_cumulative, which can "
         "begin with it, or set `approach: true` to plan a lead-in"
     )
