@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -374,10 +374,11 @@ def _along_curve(job: PlanJob) -> list[list[_Attempt]]:
     rests = len(corners(path.trajectory))
     if rests:
         path = replace(path, notes=(*path.notes, _rests_noted(job, path, rests)))
-    axes = job.axes_along(path)
+    # Where the axes do not follow the curve, they may follow single moves.
+    axes = cache(partial(job.axes_along, path))
 
     def make(limits: Limits) -> KeyframePath:
-        quick = quickest(path, limits, job.period, has_rests=True, axes=axes)
+        quick = quickest(path, limits, job.period, has_rests=True, axes=axes())
         return quick if total is None else quick.lasting(total)
 
     quick = _Attempt(_QUICKEST, make, job)
