@@ -98,7 +98,6 @@ def time_quickest(
     limits: Floats,
     move_limits: Floats,
     period: float,
-    known: Floats,
     axis_breaks: Floats,
     axis_pieces: Floats,
     axis_limits: Floats,

@@ -444,10 +444,7 @@ def _cut(
     )
     shares, least, over = np.linspace(0.0, 1.0, _POINTS), 0.0, math.inf
     while over > 1.0:
-        try:
-            lead = find(least=least)
-        except PlanError:
-            return None
+        lead = find(least=least)
         moves, *rates = _positions(lead, start, rest).sample(shares * lead.duration)
         speed, push = (float(np.max(np.linalg.norm(one, axis=1))) for one in rates)
         over = max(speed / limits.linear_velocity, math.sqrt(push / limits.linear_acceleration))

@@ -8,12 +8,8 @@ from __future__ import annotations
 from orientd.errors import PlanError
 
 
-class LeadOutError(PlanError):
-    """No lead-out leads from the last keyframe to rest."""
-
-
-class JoinError(PlanError):
-    """No connector leads from the state of the device onto a curve that begins there."""
+class LeadError(PlanError):
+    """No lead leads from the state of the device onto a curve, or from its end to rest."""
 
 
 class TotalError(PlanError):

@@ -11,14 +11,15 @@ import numpy as np
 from orientd.curves.contract import METHODS
 from orientd.curves.trajectory import Trajectory
 from orientd.driver import Joints
-from orientd.errors import LimitError, PlanError, StartError
-from orientd.model.limits import LONGEST, UNITS, Limits, is_still
+from orientd.errors import PlanError
+from orientd.model.limits import LONGEST, Limits, is_still
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
 from orientd.planner.certify.certificate import Certificate
 from orientd.planner.certify.measuring import STATE, AxisRecords, measure
 from orientd.planner.certify.summary import before, summed_up, summed_up_axes
 from orientd.planner.connect.axis_leads import followed
+from orientd.planner.connect.connector import turn_to_stop
 from orientd.planner.connect.leads import (
     MOST_SHARE,
     SAME_PLACE,
@@ -29,7 +30,7 @@ from orientd.planner.connect.leads import (
     straight,
 )
 from orientd.planner.connect.position_stop import position_lead
-from orientd.planner.errors import LeadOutError
+from orientd.planner.errors import LeadError
 from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import (
@@ -51,9 +52,8 @@ from orientd.tolerances import GUARD_TOLERANCE
 
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
-_MOST_LEADS = 3  # of one path, until their records keep the limits
-_BELOW = 0.999  # share of a limit that the next leads use
-_FAR_OVER = 1.1  # excess that leads with less acceleration do not help
+_NEAR = 1.25  # multiple of the turn of a stop: nearer targets may be overshot
+_WORTH = 0.95  # share of a duration that is worth going without the reserve
 
 LEAD_SHARE = 0.95
 """Share of acceleration and jerk that leads use: with more of it, stops on them take longer."""
@@ -87,8 +87,6 @@ class PlanJob:
             since these require shorter stops.
         lead_share: share of acceleration and jerk that leads use.
         notes: notes of the certificate on the request.
-        offset: index of the first keyframe in the whole request, if this is a part of it.
-        share: share of acceleration and jerk that connectors use, of their usual one.
         axes: of the device, if the timing regards them.
     """
 
@@ -102,8 +100,6 @@ class PlanJob:
     is_even: bool
     lead_share: float
     notes: tuple[str, ...] = ()
-    offset: int = 0
-    share: float = 1.0
     axes: Axes | None = None
     _leads: dict[tuple[bytes, float], LeadIn] = field(default_factory=dict)
 
@@ -148,19 +144,6 @@ class PlanJob:
             request, start, limits, own, period, ends, halt, is_even, share, notes=notes, axes=axes
         )
 
-    def evenly(self) -> PlanJob:
-        """Return the same job at an even pace."""
-        if self.is_even:
-            return self
-        return replace(self, is_even=True, lead_share=CALM_LEAD_SHARE, _leads={})
-
-    def calmer(self, share: float) -> PlanJob:
-        """Return the same job with quick leads that use a share of acceleration and jerk."""
-        limits = self.limits.with_reserve(share)
-        return replace(
-            self, is_even=False, lead_share=LEAD_SHARE, limits=limits, share=share, _leads={}
-        )
-
     def with_quick_leads(self) -> PlanJob:
         """Return the same job with leads that are as short as if no time is given."""
         return replace(self, lead_share=LEAD_SHARE, _leads={})
@@ -175,6 +158,15 @@ class PlanJob:
         takes_over = not (state.is_at_rest or self.start.is_at_rest)
         usual = TAKE_OVER_SHARE if takes_over else self.lead_share
         return min(multiple * usual, MOST_SHARE)
+
+    def share_leaving(self, more: float, multiple: float) -> float:
+        """Return the multiple of the usual share with which leads leave *more* times as much of it.
+
+        Args:
+            more: times what they leave of acceleration and jerk now.
+            multiple: of the usual share that they use now.
+        """
+        return (1.0 - more * (1.0 - multiple * self.lead_share)) / self.lead_share
 
     @property
     def is_taken_over(self) -> bool:
@@ -200,7 +192,11 @@ class PlanJob:
         guess = knots.first_guess(self.limits.with_reserve())
         if self.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
-        guess = min(max(guess, 2.0 * self.period), LONGEST)
+        states = (self.ends.omega_start, self.ends.omega_end)
+        begin, end = (np.zeros(3) if omega is None else omega for omega in states)
+        # At any ends the velocity changes by the integral of the acceleration.
+        change = float(np.linalg.norm(end - begin)) / self.limits.acceleration
+        guess = min(max(guess, change, 2.0 * self.period), LONGEST)
         if is_quick and self.has_one_shape and self.halt.is_held:
             knots = quick_knots(self.request, knots)
         return knots, guess
@@ -229,7 +225,7 @@ class PlanJob:
             raise PlanError(f"{request.method} has no smooth curve here: {error}") from error
         if trajectory.domain != (0.0, duration):
             trajectory = trajectory.shifted(-trajectory.domain[0]).slowed(duration)
-        positions, merged = self._positions(knots, times), knots.merged(request, self.offset)
+        positions, merged = self._positions(knots, times), knots.merged(request)
         return KeyframePath(trajectory, positions, times, merged)
 
     def _positions(self, knots: Knots, times: Floats) -> PositionPath:
@@ -271,7 +267,14 @@ class PlanJob:
             else:
                 # A position arrives with the approach and waits during the run-up.
                 is_direct = is_moving and not self.is_even and self.request.positions is None
-            lead = self.connected(self.start, first, is_direct=is_direct, share=share)
+            find = partial(self.connected, self.start, first, is_direct=is_direct)
+            lead = find(share=share)
+            near = _NEAR * turn_to_stop(self.start, self.limits)
+            is_usual = self.request.is_single and share == 1.0
+            if is_usual and float(angle(self.start.q, first.q)) < near:
+                # A motion that brakes at the full limits overshoots with reduced ones.
+                full = find(share=WITHOUT_RESERVE)
+                lead = full if full.cycles < _WORTH * lead.cycles else lead
             self._leads[rates, share] = lead
         return lead
 
@@ -282,6 +285,7 @@ class PlanJob:
         *,
         is_direct: bool = True,
         share: float = 1.0,
+        least: float = 0.0,
         near: Joints = (),
     ) -> LeadIn:
         """Return the lead-in from one state to another.
@@ -291,12 +295,15 @@ class PlanJob:
             end: final state.
             is_direct: whether to prefer a connector to a run-up from rest.
             share: multiple of the usual share of acceleration and jerk.
+            least: least duration of a connector, s.
             near: axis angles at the initial state, rad; by default those of the device's start.
 
         Raises:
             PlanError: no lead-in keeps the limits.
         """
-        find = partial(self._lead_of_tool, start, end, share, is_direct)
+        find = partial(
+            self._lead_of_tool, start, end, is_direct=is_direct, share=share, least=least
+        )
         if self.axes is None:
             return find()
         near, refusal = near or self.axes.joints, None
@@ -310,32 +317,34 @@ class PlanJob:
                 # The lead of the tool alone turns and moves at paces of their own, and may pass.
                 refusal = error
         try:
-            return followed(find, self.axes, near, self.limits, self.period)
+            return followed(lambda pace: find(pace=pace), self.axes, near, self.limits, self.period)
         except PlanError as error:
             raise refusal or error from None
 
     def _lead_of_tool(
-        self, start: State, end: State, share: float, is_direct: bool, pace: float = 1.0
+        self,
+        start: State,
+        end: State,
+        *,
+        is_direct: bool,
+        share: float,
+        least: float,
+        pace: float = 1.0,
     ) -> LeadIn:
         """Return the lead-in of the tool alone, at a share of its pace."""
         limits, own = self.limits, self.own
         if pace < 1.0:
             limits, own = limits.slowed(pace), own.slowed(pace)
         find = partial(
-            lead_in,
-            start,
-            end,
-            limits=limits,
-            own=own.with_reserve(self.share),
-            period=self.period,
-            share=self.share_from(start, share),
-            is_even=self.is_even,
-        )
+            lead_in, start, end, limits=limits, own=own, period=self.period,
+            share=self.share_from(start, share), is_even=self.is_even, least=least,
+        )  # fmt: skip
         try:
             return find(is_direct=is_direct)
         except PlanError:
             if is_direct or not start.is_at_rest:
                 raise
+            # A run-up from rest may overshoot the velocity.
             return find(is_direct=True)
 
     def straight(self, start: State, end: State, near: Joints = ()) -> tuple[KeyframePath, Joints]:
@@ -392,7 +401,7 @@ class PlanJob:
             share: multiple of the usual share of acceleration and jerk.
 
         Raises:
-            LeadOutError: no lead-out keeps the limits.
+            LeadError: no lead-out keeps the limits.
         """
         if is_still(last.omega_body, last.alpha_body, self.limits):
             return []
@@ -400,26 +409,27 @@ class PlanJob:
             used = min(share * self.lead_share, MOST_SHARE)
             lead = lead_out(last, limits=self.limits, period=self.period, share=used)
         except PlanError as error:
-            raise LeadOutError(f"no lead-out from the last keyframe: {error}") from error
+            raise LeadError(f"no lead-out from the last keyframe: {error}") from error
         return [lead.shifted(end)]
 
-    def with_leads(
-        self, path: KeyframePath | State, lead: LeadIn | None, share: float = 1.0
-    ) -> KeyframePath:
+    def with_leads(self, path: KeyframePath | State, share: float = 1.0) -> KeyframePath:
         """Return the whole path around a keyframe path, from rest to rest.
 
         The lead-in comes first.  A lead-out follows if the keyframe path does not end at rest.
 
         Args:
-            path: from the first keyframe to the last; or the state at a single one.
-            lead: from the state of the device to the first keyframe; ``None`` if the keyframe path
-                begins at the device's state.
-            share: multiple of the usual share of acceleration and jerk, for the lead-out.
+            path: from the first keyframe to the last; or the state at a single one, or all of the
+                way to it.
+            share: multiple of the usual share of acceleration and jerk, for the leads.
 
         Raises:
             StartError: there is no lead-in, and the keyframe path begins elsewhere.
             PlanError: no lead keeps the limits.
         """
+        if self.request.is_single and not isinstance(path, State):
+            return path
+        first = path if isinstance(path, State) else path.first
+        lead = self.lead_to(first, share) if self.request.approach else None
         parts = [] if lead is None else [*lead.parts]
         begin = 0.0 if lead is None else lead.cycles * self.period
         if isinstance(path, State):
@@ -448,54 +458,15 @@ class PlanJob:
         """Return the lead-in to a path that begins here; ``None`` if it needs none."""
         start, (first, _) = self.start, end_states(path.trajectory)
         place = path.positions.state(0.0)
-        try:
-            refusal.check_start(
-                start, State(first.q, first.omega_body, first.alpha_body, *place), self.limits
-            )
-        except StartError:
-            # A requested velocity was checked before.  The method does not begin with that of the
-            # device, or not with its acceleration.
-            rates = start.omega_body, start.alpha_body
-            refusal.check_start(start, State(first.q, *rates, *place), self.limits)
-        else:
+        here = State(first.q, first.omega_body, first.alpha_body, *place)
+        if not refusal.differences(start, here, self.limits):
             return None
+        # A requested velocity was checked before.  The method does not begin with that of the
+        # device, or not with its acceleration.
+        rates = start.omega_body, start.alpha_body
+        refusal.check_start(start, State(first.q, *rates, *place), self.limits)
         share = self.share_from(start)
         return join_in(path, start, limits=self.limits, period=self.period, share=share)
-
-    def motion(
-        self, path: KeyframePath | State, name: str, *notes: str, share: float = 1.0
-    ) -> Motion:
-        """Return the motion with its leads and its certificate.
-
-        If the records of a lead exceed a limit, the next leads use less of acceleration and jerk by
-        the excess.  If they exceed that of the velocity, the next leads use all of both.
-
-        Args:
-            path: from the first keyframe to the last; or the state at a single one.
-            name: identifier of the motion.
-            notes: further notes of the certificate.
-            share: multiple of the usual share of acceleration and jerk, for the first leads.
-
-        Raises:
-            StartError: there is no lead-in, and the path begins elsewhere.
-            LimitError: the motion breaks a limit with any of these leads.
-            PlanError: no lead keeps the limits.
-        """
-        first = path if isinstance(path, State) else path.first
-        for count in range(1, _MOST_LEADS + 1):
-            lead = self.lead_to(first, share) if self.request.approach else None
-            whole = self.with_leads(path, lead, share)
-            try:
-                return self.certified(whole, name).noted(*notes)
-            except LimitError as error:
-                is_in_lead = error.is_in_lead_in or error.time > whole.times[-1]
-                over = error.value / error.limit
-                if not is_in_lead or count == _MOST_LEADS or not 1.0 < over < _FAR_OVER:
-                    raise
-                # A velocity that still rises stops rising sooner with all of the limits.
-                is_rising = error.unit == UNITS["velocity"]
-                share = WITHOUT_RESERVE if is_rising else share * _BELOW / over
-        raise PlanError("no lead was tried")
 
     def certified(self, whole: KeyframePath, name: str) -> Motion:
         """Return the motion along a path from rest to rest, checked against its limits.

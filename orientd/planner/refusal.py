@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -127,6 +128,16 @@ def check_start(start: State, first: State, limits: Limits) -> None:
         first: the state at the first keyframe.
         limits: scale of the tolerance of the acceleration.
     """
+    different = differences(start, first, limits)
+    if different:
+        raise StartError(
+            "the first keyframe differs from the commanded state of the device: "
+            f"{', '.join(different)}; set `approach: true` to plan a lead-in"
+        )
+
+
+def differences(start: State, first: State, limits: Limits) -> list[str]:
+    """Return in which quantities two states differ, and by how much; see :func:`check_start`."""
     turn = float(angle(start.q, first.q))
     move, velocity, acceleration = (
         math.dist(getattr(start, name).tolist(), getattr(first, name).tolist())
@@ -141,11 +152,7 @@ def check_start(start: State, first: State, limits: Limits) -> None:
         different.append(f"angular velocity by {velocity:.6g} rad/s")
     if not acceleration <= max(SAME_ACCELERATION * min(limits.acceleration, 1e3), SAME_VELOCITY):
         different.append(f"angular acceleration by {acceleration:.6g} rad/s^2")
-    if different:
-        raise StartError(
-            "the first keyframe differs from the commanded state of the device: "
-            f"{', '.join(different)}; set `approach: true` to plan a lead-in"
-        )
+    return different
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,8 +188,10 @@ class Place:
 def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
     """Return the refusal of a motion after several attempts, by their names, in order."""
     errors = list(refused.values())
-    # The other refusals tell more than that one attempt takes longer than requested.
-    error = next((one for one in reversed(errors) if not isinstance(one, TotalError)), errors[-1])
+    totals = [one for one in errors if isinstance(one, TotalError)]
+    # The other refusals tell more than that an attempt takes longer than requested.
+    error = next((one for one in errors if not isinstance(one, TotalError)), None)
+    error = error or min(totals, key=attrgetter("least"))
     others = [name for name, one in refused.items() if one is not error]
     if others:
         error.args = (f"{error}; tried before: {', '.join(others)}",)
@@ -212,12 +221,10 @@ def of_any_duration(start: State, limits: Limits) -> PlanError:
     return PlanError(problem)
 
 
-def of_duration(total: float, refused: Mapping[str, PlanError]) -> PlanError:
-    """Return the refusal of a duration, s, that lies between feasible ones."""
+def of_duration(total: float, longer: float) -> PlanError:
+    """Return the refusal of a duration, s, between two feasible ones; all *longer* ones are."""
     problem = f"no motion of {total:g} s was found that keeps the velocities at both ends"
-    least = [one.least for one in refused.values() if isinstance(one, TotalError)]
-    longer = min((one for one in least if one > total), default=None)
-    return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer else problem)
+    return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer > total else problem)
 
 
 def check_limits(peaks: Peaks, place: Place) -> None:

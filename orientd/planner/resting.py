@@ -1,75 +1,48 @@
-"""Motions that rest inside: turns from keyframe to keyframe, and connectors at moving ends.
-
-A **connector** leads from the velocity at the first keyframe to rest at the second.  Another one
-leads from rest at the next-to-last keyframe to the velocity at the last.  The part between them
-goes from rest to rest.  If two keyframes both have velocities, a single connector joins them.
-"""
+"""Motions that rest inside: turns from keyframe to keyframe, and stops next to moving ends."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import cast
 
 import numpy as np
 
+from orientd.curves.contract import METHODS
+from orientd.curves.roles import is_pair
 from orientd.curves.trajectory import Trajectory
-from orientd.driver import Joints
 from orientd.errors import PlanError
-from orientd.model.limits import LONGEST, Limits
-from orientd.model.request import DEFAULT_METHOD, Keyframe, MotionRequest
+from orientd.model.limits import Limits
+from orientd.model.request import DEFAULT_METHOD, Keyframe
 from orientd.planner import refusal
-from orientd.planner.connect.connector import connector_lasting, hold, turn_to_stop
-from orientd.planner.connect.leads import SAME_PLACE, LeadIn, approach, lead_out, straight
+from orientd.planner.connect.connector import hold, turn_to_stop
+from orientd.planner.connect.leads import SAME_PLACE, approach, lead_out, straight
 from orientd.planner.job import PlanJob
-from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PositionPath
-from orientd.planner.remarks import SWING, excess
+from orientd.planner.path import PositionPath
+from orientd.planner.remarks import SWING
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.planner.timing.knots import SAME
+from orientd.planner.timing.knots import SAME, turn_lengths
 from orientd.planner.timing.profiles import quickest
-from orientd.rotation import Floats, angle, log
-from orientd.rotation import between as turn_between
+from orientd.rotation import Floats, angle
 
 STOPS = "stops at every keyframe: this takes less time than the curve through them"
 CONNECTS = "a connector joins both keyframes, in place of the curve between them"
 BRAKES = "brakes next to its moving ends: the curve turns further, takes longer, or breaks a limit"
 MOVES = "rests at every keyframe: the curve through them turns further, or breaks a limit"
-SHARES = (1.0, 0.96, 0.92, 0.86, 0.77, 0.68)
-"""Shares of acceleration and jerk for single moves: the less, the shorter the stops on them."""
-RESTS = "rests on its way, since it was given that much time"
 WAITS = "waits at the end that is at rest: no slower motion was found"
-
-WORTH = 0.95
-"""Share of a duration that is worth going without the reserve."""
-
-_AHEAD = 0.7
-"""Cosine between the velocity and the direction to a keyframe that is ahead of a device."""
-
-_NEAR = 1.25
-"""Targets closer than this many stopping distances may be overshot."""
 
 _SLOWER = 1.2
 """Multiple of the duration of single moves from which on a note says so."""
 
 _WHOLE = 1e-9  # of a period, and of a duration
-_PACES = np.geomspace(1.0, 0.1, 12)  # in the search for a longer connector
+_CURVE = 0.9  # of the time of stops at every keyframe: a curve through them seldom takes less
 
-
-def arrives(start: State, key: Floats, limits: Limits) -> bool:
-    """Return whether a keyframe is ahead of a device, and hardly farther than a stop."""
-    speed = float(np.linalg.norm(start.omega_body))
-    if not speed:
-        return False
-    way, direction = log(turn_between(start.q, key)), start.omega_body / speed
-    distance = float(np.linalg.norm(way))
-    is_near = distance < _NEAR * turn_to_stop(start, limits)
-    return is_near and float(way @ direction) > _AHEAD * distance
+Planned = Callable[[PlanJob], KeyframePath]
+"""Plans the path of a job, without a check of its records."""
 
 
 def can_move_singly(job: PlanJob) -> bool:
@@ -97,6 +70,13 @@ def least_with_stops(keys: Floats, limits: Limits) -> float:
     return float(np.sum(turns / peaks + rises))
 
 
+def least_singly(job: PlanJob) -> float:
+    """Return the least duration of single moves, of which only those from rest to rest count, s."""
+    starts, ends = job.ends.moves
+    keys = job.request.keys[int(starts) : len(job.request.keys) - int(ends)]
+    return least_with_stops(keys, job.limits) if len(keys) > 1 else 0.0
+
+
 def with_stops(job: PlanJob, limits: Limits) -> KeyframePath:
     """Return the turns from keyframe to keyframe, from rest to rest.
 
@@ -109,7 +89,8 @@ def with_stops(job: PlanJob, limits: Limits) -> KeyframePath:
     turns = [approach(*pair, limits, is_part=len(keys) > 2) for pair in pairwise(keys)]
     durations = [0.0 if turn is None else turn.duration for turn in turns]
     times = np.concatenate([[0.0], np.cumsum(durations)])
-    return _laid(job, [[turn] for turn in turns if turn is not None], times)
+    path = _laid(job, [[turn] for turn in turns if turn is not None], times)
+    return replace(path, notes=(STOPS,)) if len(keys) > 2 else path
 
 
 def _with_stops_of_axes(job: PlanJob, limits: Limits) -> KeyframePath:
@@ -122,109 +103,29 @@ def _with_stops_of_axes(job: PlanJob, limits: Limits) -> KeyframePath:
     times = np.cumsum([0.0, *(0.0 if turn is None else turn.duration for turn in turns)])
     path = _laid(job, [[turn] for turn in turns if turn is not None], times)
     path = replace(path, trajectory=replace(path.trajectory, continuity=1))
-    return quickest(path, limits, job.period, has_rests=True, axes=job.axes_along(path))
+    path = quickest(path, limits, job.period, has_rests=True, axes=job.axes_along(path))
+    return replace(path, notes=(STOPS,)) if len(states) > 2 else path
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Connectors:
-    """The connectors at the ends of a motion, each from path time 0 on.
-
-    Attributes:
-        head: from the first keyframe to rest at the next one, or to the last one if no keyframe is
-            left to rest at.  Empty if the motion begins at rest.
-        tail: from rest to the last keyframe; may be empty.
-        rests: the first and the last keyframe to rest at; the last is below the first if there is
-            none.
-    """
-
-    head: tuple[Trajectory, ...]
-    tail: tuple[Trajectory, ...]
-    rests: tuple[int, int]
-
-    @classmethod
-    def of(cls, job: PlanJob) -> Connectors:
-        """Return the connectors that are found.
-
-        Raises:
-            PlanError: a connector was not found.
-        """
-        keys, (begin, end) = job.request.keys, states_at_ends(job)
-        first, last = rests = resting_keyframes(job)
-        if first > last:
-            return cls(job.connected(begin, end).parts, (), rests)
-        here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
-        starts, ends = job.ends.moves
-        head = job.connected(begin, here).parts if starts else ()
-        tail = job.connected(there, end).parts if ends else ()
-        return cls(head, tail, rests)
-
-    @property
-    def has_no_rest(self) -> bool:
-        """Whether no keyframe is left to rest at."""
-        return self.rests[0] > self.rests[1]
-
-    @property
-    def durations(self) -> tuple[float, float]:
-        """Duration of both, s."""
-        head, tail = (part[-1].domain[1] if part else 0.0 for part in (self.head, self.tail))
-        return head, tail
-
-    def note(self, job: PlanJob) -> str:
-        """Return the notes on a motion with these connectors."""
-        last = len(job.request.keys) - 1
-        inner = sorted({one for one in self.rests if 0 < one < last})
-        if self.has_no_rest or not inner:
-            return CONNECTS
-        names = " and ".join(f"keyframes[{one}]" for one in inner)
-        return f"stops at {names}: no quicker curve through all keyframes was found"
-
-
-def resting_keyframes(job: PlanJob) -> tuple[int, int]:
-    """Return the first and last keyframe to rest at; the last is below the first if none is."""
-    begins, ends = job.ends.moves
-    return int(begins), len(job.request.keys) - 1 - int(ends)
-
-
-def job_between(job: PlanJob) -> PlanJob | None:
-    """Return the job of the part from rest to rest; ``None`` if it has no turn."""
-    first, last = resting_keyframes(job)
-    keys = job.request.keys[first : last + 1]
-    if len(keys) < 2 or not bool((angle(keys[:-1], keys[1:]) > SAME).any()):
-        return None
-    keyframes = [Keyframe(tuple(q)) for q in keys.tolist()]
-    request = MotionRequest(keyframes, options=job.request.options)
-    start = State.at_rest(request.keys[0], job.halt.last)
-    halt = PositionPath.held(start.position)
-    return replace(
-        job, request=request, start=start, ends=Ends(), halt=halt, notes=(), offset=first
-    )
-
-
-def single_moves(job: PlanJob, pause: int | None = None) -> KeyframePath:
+def single_moves(job: PlanJob, limits: Limits) -> KeyframePath:
     """Return single moves with a rest at every keyframe between.
 
     Each waits at an end at rest, for the time that the request leaves it.
-
-    Args:
-        job: the input of the plan.
-        pause: for two moving keyframes, the one to rest at too.
 
     Raises:
         TotalError: they take longer than the requested duration.
         PlanError: one was refused, takes longer than its times, or has no end at rest to wait at.
     """
-    states = _states_to_rest_at(job)
-    if pause is not None:
-        states.insert(1, State.at_rest(states[pause].q, states[pause].position))
+    job, states = replace(job, limits=limits, _leads={}), _states_to_rest_at(job)
+    total, asked = job.request.total, job.request.times
     pairs = list(pairwise(states))
     joints, moves = job.joints_at(states[0]), []
-    for pair in pairs:
-        moves.append(_single_move(job, *pair, joints))
+    for one, other in pairs:
+        is_direct = not (one.is_at_rest and other.is_at_rest)
+        moves.append(job.connected(one, other, is_direct=is_direct, near=joints))
         joints = moves[-1].joints
     takes = np.array([move.cycles * job.period for move in moves])
-    waits, total, asked = np.zeros(len(moves)), job.request.total, job.request.times
-    if asked is not None and pause is not None:
-        total = float(asked[-1] - asked[0])
+    waits = np.zeros(len(moves))
     if total is not None:
         refusal.check_total(total, float(takes.sum()))
         waits[-1 if pairs[-1][0].is_at_rest else 0] = total - takes.sum()
@@ -247,13 +148,7 @@ def single_moves(job: PlanJob, pause: int | None = None) -> KeyframePath:
         parts += [held, move.parts] if waits_first else [move.parts, held]
         begin = times[index] + (wait if waits_first else 0.0)
         positions = move.positions.delayed(begin).after(positions)
-    times = times if pause is None else times[[0, -1]]
-    return replace(_laid(job, parts, times), positions=positions)
-
-
-def _single_move(job: PlanJob, one: State, other: State, joints: Joints) -> LeadIn:
-    is_direct = not (one.is_at_rest and other.is_at_rest)
-    return job.connected(one, other, is_direct=is_direct, near=joints)
+    return replace(_laid(job, parts, times, (MOVES,)), positions=positions)
 
 
 def _states_to_rest_at(job: PlanJob) -> list[State]:
@@ -272,13 +167,12 @@ def compared(job: PlanJob, motion: Motion) -> Motion:
     """Return the motion, with a note if single moves would take far less time."""
     request, took = job.request, motion.duration
     is_free = request.is_quickest and request.total is None and not request.turns.any()
-    has_stopped = can_rest(job) and not any(job.ends.moves)  # a stop everywhere was tried
-    is_compared = is_free and not has_stopped and not job.is_taken_over and job.axes is None
-    if request.is_single or not is_compared:
+    is_compared = is_free and not job.is_taken_over and job.axes is None
+    is_likely = not request.is_single and took >= _SLOWER * least_singly(job)
+    has_tried = can_rest(job) or (can_move_singly(job) and any(job.ends.moves))
+    if has_tried or not (is_compared and is_likely):
         return motion
-    if took < _SLOWER * least_with_stops(request.keys, job.limits):
-        return motion
-    moves = _duration_of_single_moves(job)
+    moves = job.with_leads(single_moves(job.with_quick_leads(), job.limits)).duration
     if took < _SLOWER * moves:
         return motion
     return motion.noted(
@@ -287,97 +181,28 @@ def compared(job: PlanJob, motion: Motion) -> Motion:
     )
 
 
-def _duration_of_single_moves(job: PlanJob) -> float:
-    """Return their duration with both leads, s; infinite if one of them is refused."""
-    try:
-        path = single_moves(job)
-        lead = job.lead_to(path.first) if job.request.approach else None
-        return job.with_leads(path, lead).duration
-    except PlanError:
-        return math.inf
+def swing(job: PlanJob, path: KeyframePath | State) -> float:
+    """Return how much further than the short way a part between moving ends turns, rad.
 
-
-def times_with_rests(job: PlanJob) -> tuple[float, float]:
-    """Return the least and the approximate duration of a motion with a stop at every keyframe, s.
-
-    The least one counts only the turns from rest to rest.
+    It is zero if that is little, or if the request chooses the way.  It does not count a stop next
+    to a moving end and the turn back from there.
     """
-    keys, limits = job.request.keys, job.limits
-    first, last = resting_keyframes(job)
-    inner = keys[first : last + 1]
-    least = least_with_stops(inner, limits) if len(inner) > 1 else 0.0
-    stop = limits.velocity / limits.acceleration + limits.acceleration / limits.jerk
-    about = least_with_stops(keys, limits) + 2.0 * stop
-    return least, about if math.isfinite(about) else LONGEST
-
-
-def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> KeyframePath:
-    """Return the path from the first keyframe to the last with connectors at its moving ends.
-
-    Args:
-        connectors: at its ends.
-        between: the motion of :func:`job_between`, if there is one.
-
-    Raises:
-        TotalError: it takes longer than the requested duration.
-    """
-    (first, last), (head, tail) = connectors.rests, (connectors.head, connectors.tail)
-    before, after = connectors.durations
-    if first > last:
-        return _laid(job, [head], np.array([0.0, before]))
-    duration = least = 0.0 if between is None else between.duration
-    if job.request.total is not None:
-        refusal.check_total(job.request.total, before + least + after)
-        duration = max(job.request.total - before - after, least)
-    elif tail:
-        # A velocity begins at a record.
-        duration = math.ceil(least / job.period - _WHOLE) * job.period
-    inner: Sequence[Trajectory] = ()
-    passed: Floats = np.full(last - first + 1, 0.0 if tail else duration)
-    notes: tuple[str, ...] = ()
-    if between is not None:
-        passed, notes = duration / least * between.keyframe_times, between.certificate.notes
-        inner = [cast("Path", between.path).trajectory.slowed(duration)]
-    elif duration > _WHOLE * job.period:
-        inner = [hold(job.request.keys[first], duration)]
-    begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
-    times = np.concatenate([begin, before + passed, end])
-    return _laid(job, [head, inner, tail], times, notes)
-
-
-def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
-    """Return connectors of two moving keyframes that take *total* seconds, at ever slower paces.
-
-    Raises:
-        TotalError: the fastest takes longer.
-        PlanError: none was found.
-    """
-    begin, end = states_at_ends(job)
-    times, paths = np.array([0.0, total]), []
-    for pace in _PACES:
-        within = job.limits if pace == 1.0 else job.limits.slowed(pace)
-        limits = [one.with_reserve(job.share_from(begin)) for one in (within, job.limits)]
-        find = partial(connector_lasting, limits=limits[0], own=limits[1], period=job.period)
-        found = find(begin, end, total)
-        if found is not None:
-            paths.append(_laid(job, [[found]], times))
-    if not paths:
-        refusal.check_total(total, job.connected(begin, end).cycles * job.period)
-    return paths
-
-
-def swings(job: PlanJob, motion: Motion) -> bool:
-    """Return whether a motion swings out or makes whole turns between its keyframes.
-
-    Stopping at a moving end and turning back from there is not counted.
-    """
-    further = excess(motion)[1:-1]
+    if isinstance(path, State) or not any(job.ends.moves):
+        return 0.0
+    request, short = job.request, turn_lengths(job.request)
+    is_chosen = is_pair(METHODS[request.method]) and bool(request.options)
+    if is_chosen or job.limits.velocity * path.duration <= short.sum() + SWING:
+        return 0.0
+    further = np.diff(path.trajectory.turned(path.times)) - short
     for part, state in zip((0, -1), states_at_ends(job), strict=True):
         further[part] -= 2.0 * turn_to_stop(state, job.limits)
-    return float(further.max()) > SWING
+    most = float(further.max())
+    return most if most > SWING else 0.0
 
 
-def braking(job: PlanJob, plan_it: Callable[[PlanJob], Motion]) -> KeyframePath:
+def braking(
+    job: PlanJob, limits: Limits, plan_it: Planned, *, is_connected: bool = False
+) -> KeyframePath:
     """Return the path that brakes after a moving first keyframe, and runs up to a moving last one.
 
     The part between is planned from rest to rest.  So it turns the short way, and can take any
@@ -385,48 +210,108 @@ def braking(job: PlanJob, plan_it: Callable[[PlanJob], Motion]) -> KeyframePath:
 
     Args:
         job: has a moving end.
+        limits: to keep.
         plan_it: plans the part between.
+        is_connected: whether to rest at the keyframes next to the moving ends, with connectors from
+            and to these ends.
 
     Raises:
         TotalError: it takes longer than the requested duration.
-        PlanError: the times leave no room to brake, or the part between was refused.
+        PlanError: the times leave no room to brake, or a part was refused.
     """
+    job = replace(job, limits=limits, _leads={})
     request, period = job.request, job.period
-    stop, run_up, keys = _stops_at_ends(job)
+    first, last = rests = _resting_keyframes(job) if is_connected else (0, len(request.keys) - 1)
+    if first > last:
+        return _connected(job)
+    stop, run_up, keys = (_connectors if is_connected else _stops_at_ends)(job)
     before, after = (0.0 if part is None else part.duration for part in (stop, run_up))
-    between = plan_it(_from_rest_to_rest(job, keys, before, after))
-    is_led_out = between.end_time < (1.0 - _WHOLE) * between.duration
-    if is_led_out or not isinstance(between.path, Path):
-        raise PlanError(f"{request.method} does not come to rest at its last keyframe")
-    duration = between.duration
+    passed, positions, duration = np.zeros(len(keys)), PositionPath.held(job.halt.last), 0.0
+    inner: list[Trajectory] = []
+    notes: tuple[str, ...] = ()
+    if request.positions is not None or bool((angle(keys[:-1], keys[1:]) > SAME).any()):
+        between = plan_it(_from_rest_to_rest(job, keys, first, (before, after)))
+        if not between.is_from_rest_to_rest:
+            raise PlanError(f"{request.method} does not come to rest at its last keyframe")
+        duration = between.duration
+    least = before + duration + after
     if request.total is not None:
-        refusal.check_total(request.total, before + duration + after)
-        duration = max(request.total - before - after, duration)
+        refusal.check_total(request.total, least)
+        duration += max(request.total - least, 0.0)
     elif request.times is None and run_up is not None:
         # A velocity begins at a record.
         duration = math.ceil(duration / period - _WHOLE) * period
-    factor, inner = duration / between.duration, between.path.trajectory.slowed(duration)
-    parts = [inner.shifted(before)]
-    if stop is not None:
-        parts.insert(0, stop)
-    if run_up is not None:
-        parts.append(run_up.shifted(before + duration))
-    positions = between.path.positions
-    positions = positions if positions.is_held else positions.slowed(factor).delayed(before)
-    times = before + factor * between.keyframe_times
+    if least > before + after:
+        between = between.slowed(duration)
+        inner, passed, notes = [between.trajectory], between.times, between.notes
+        positions = between.positions.delayed(before)
+    elif duration:
+        inner = [hold(keys[0], duration)]
+    ends = np.full(len(request.keys) - 1 - last, 0.0)
+    times = np.concatenate([np.zeros(first), before + passed, ends])
     times[0], times[-1] = 0.0, before + duration + after
-    notes = (BRAKES, *between.certificate.notes)
-    return KeyframePath(Trajectory.joined(parts), positions, times, notes)
+    parts = [[part] for part in (stop, *inner, run_up) if part is not None]
+    note = _stops_noted(job, rests) if is_connected else BRAKES
+    return replace(_laid(job, parts, times, (note, *notes)), positions=positions)
 
 
-def about_with_braking(job: PlanJob) -> float:
-    """Return about how long the path of :func:`braking` takes with a stop at every keyframe, s."""
-    try:
-        stop, run_up, keys = _stops_at_ends(job)
-    except PlanError:
-        return math.inf
+def _stops_noted(job: PlanJob, rests: tuple[int, int]) -> str:
+    inner = sorted({one for one in rests if 0 < one < len(job.request.keys) - 1})
+    names = " and ".join(f"keyframes[{one}]" for one in inner)
+    return (
+        f"stops at {names}: no quicker curve through all keyframes was found" if inner else CONNECTS
+    )
+
+
+def _connected(job: PlanJob) -> KeyframePath:
+    """Return the connector of two moving keyframes, in the requested duration if there is one.
+
+    Raises:
+        TotalError: it takes longer.
+    """
+    begin, end = states_at_ends(job)
+    total, least = job.request.total, 0.0
+    if total is not None:
+        # Whole periods fill the duration exactly.
+        period = total / max(round(total / job.period), 1)
+        job, least = replace(job, period=period, _leads={}), total - 0.5 * period
+    move = job.connected(begin, end, least=least)
+    times = np.array([0.0, move.cycles * job.period])
+    if total is not None:
+        refusal.check_total(total, float(times[1]))
+    return _laid(job, [move.parts], times, (CONNECTS,))
+
+
+def _resting_keyframes(job: PlanJob) -> tuple[int, int]:
+    """Return the first and last keyframe to rest at; the last is below the first if none is."""
+    begins, ends = job.ends.moves
+    return int(begins), len(job.request.keys) - 1 - int(ends)
+
+
+def least_with_braking(job: PlanJob) -> float:
+    """Return about the least time that the path of :func:`braking` takes, s.
+
+    Raises:
+        PlanError: as for :func:`braking`.
+    """
+    stop, run_up, keys = _stops_at_ends(job)
     leads = sum(part.duration for part in (stop, run_up) if part is not None)
-    return leads + least_with_stops(keys, job.limits)
+    return leads + _CURVE * least_with_stops(keys, job.limits)
+
+
+def _connectors(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, Floats]:
+    """Return the connectors at moving ends, and the keyframes between.
+
+    Raises:
+        PlanError: one of them was not found.
+    """
+    first, last = _resting_keyframes(job)
+    starts, ends = job.ends.moves
+    keys, (begin, end) = job.request.keys[first : last + 1], states_at_ends(job)
+    here, there = (State.at_rest(keys[at], job.halt.last) for at in (0, -1))
+    head = job.connected(begin, here).parts[0] if starts else None
+    tail = job.connected(there, end).parts[0] if ends else None
+    return head, tail, keys
 
 
 def _stops_at_ends(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, Floats]:
@@ -449,15 +334,17 @@ def _stops_at_ends(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, 
     return stop, run_up, keys
 
 
-def _from_rest_to_rest(job: PlanJob, keys: Floats, before: float, after: float) -> PlanJob:
-    """Return the job of the part between the stop and the run-up at moving ends.
+def _from_rest_to_rest(
+    job: PlanJob, keys: Floats, first: int, took: tuple[float, float]
+) -> PlanJob:
+    """Return the job of the part between two rests.
 
     Args:
         keys: its keyframes, shape ``(n, 4)``.
-        before: duration of the stop, s.
-        after: duration of the run-up, s.
+        first: index of the first of them in the request.
+        took: durations of the stop before it and of the run-up after it, s.
     """
-    request, times = job.request, job.request.times
+    request, times, (before, after) = job.request, job.request.times, took
     if times is not None:
         times = times.copy()
         times[0], times[-1] = times[0] + before, times[-1] - after
@@ -469,7 +356,9 @@ def _from_rest_to_rest(job: PlanJob, keys: Floats, before: float, after: float) 
     is_turn = len(keys) == 2
     keyframes = [
         Keyframe(tuple(q), None if times is None else float(times[index]), one.position, one.turns)
-        for index, (q, one) in enumerate(zip(keys.tolist(), request.keyframes, strict=True))
+        for index, (q, one) in enumerate(
+            zip(keys.tolist(), request.keyframes[first:], strict=False)
+        )
     ]
     part = replace(
         request, keyframes=keyframes, start_velocity=None, end_velocity=None, approach=False,
@@ -478,40 +367,55 @@ def _from_rest_to_rest(job: PlanJob, keys: Floats, before: float, after: float) 
     )  # fmt: skip
     given = [one.position for one in keyframes if one.position is not None]
     here = State.at_rest(keys[0], given[0] if given else job.halt.last)
-    return PlanJob.of(part, here, job.own, job.period)
+    return replace(PlanJob.of(part, here, job.own, job.period), limits=job.limits)
 
 
-def waiting(job: PlanJob, motion: Motion) -> KeyframePath:
-    """Return the path of a motion between the keyframes, with a wait at an end that is at rest.
+def waiting(job: PlanJob, limits: Limits, plan_it: Planned) -> KeyframePath:
+    """Return the path that no duration is given, with a wait at an end that is at rest.
 
     Args:
-        job: has a duration, and one end at rest.
-        motion: of the same request without a duration.
+        job: has a duration, and a moving end.
+        limits: to keep.
+        plan_it: plans the same job without a duration.
 
     Raises:
         TotalError: it takes longer than the requested duration.
-        PlanError: both ends move.
+        PlanError: both ends move, so the duration lies between two feasible ones.
     """
     starts, ends = job.ends.moves
-    if (starts and ends) or job.request.total is None or not isinstance(motion.path, Path):
-        raise PlanError("the motion does not rest at either end")
-    begin, end = motion.start_time, motion.end_time
-    refusal.check_total(job.request.total, end - begin)
-    wait = job.request.total - (end - begin)
-    inner = motion.path.trajectory.restricted(begin, end).shifted(-begin)
-    positions = motion.path.positions.since(begin).delayed(-begin)
-    times = motion.keyframe_times - begin
-    if wait <= _WHOLE * job.request.total:
-        return KeyframePath(inner, positions, times, motion.certificate.notes)
-    held = hold(job.request.keys[0 if ends else -1], wait)
+    total, free = job.request.total, replace(job.request, duration=None)
+    if total is None:
+        raise ValueError("the request must have a duration")
+    quick = replace(job.with_quick_leads(), request=free, limits=limits)
+    path = plan_it(quick)
+    refusal.check_total(total, path.duration)
+    if starts and ends:
+        raise refusal.of_duration(total, braking(quick, limits, plan_it).duration)
+    wait = total - path.duration
+    if wait <= _WHOLE * total:
+        return path
+    notes = *path.notes, WAITS
     if ends:
-        parts = [held, inner.shifted(wait)]
-        times, positions = times + wait, positions.delayed(wait)
-        times[0] = 0.0
-    else:
-        parts = [inner, held.shifted(end - begin)]
-        times[-1] = job.request.total
-    return KeyframePath(Trajectory.joined(parts), positions, times, motion.certificate.notes)
+        return replace(_delayed(path, wait), notes=notes)
+    held = hold(job.request.keys[-1], wait).shifted(path.duration)
+    times = np.append(path.times[:-1], total)
+    return KeyframePath(Trajectory.joined([path.trajectory, held]), path.positions, times, notes)
+
+
+def ended_at_record(path: KeyframePath, period: float) -> KeyframePath:
+    """Return a path from rest that begins so much later that it ends at a record.
+
+    A motion that follows can then continue from the velocity at its end.
+    """
+    wait = period * math.ceil(path.duration / period - _WHOLE) - path.duration
+    return path if wait <= _WHOLE * period else _delayed(path, wait)
+
+
+def _delayed(path: KeyframePath, wait: float) -> KeyframePath:
+    """Return a path that waits at its first keyframe, s."""
+    held, times = hold(np.array(path.first.q), wait), np.append(0.0, path.times[1:] + wait)
+    trajectory = Trajectory.joined([held, path.trajectory.shifted(wait)])
+    return KeyframePath(trajectory, path.positions.delayed(wait), times, path.notes)
 
 
 def states_at_ends(job: PlanJob) -> tuple[State, State]:

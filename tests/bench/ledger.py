@@ -113,19 +113,17 @@ Work = Callable[[], tuple[Motion, float]]
 
 
 def _note_attempts() -> None:
-    """Note the names of the attempts that make the best motion so far."""
-    if not hasattr(planning, "_Tried"):
+    """Note the name of the attempt whose motion is used, as far as the planner has attempts."""
+    certified = getattr(planning, "_certified", None)
+    if certified is None:
         return
-    tried = planning._Tried
-    attempt = tried.attempt
 
-    def noted(self: Any, name: str, *given: Any, **more: Any) -> None:
-        before = self.best
-        attempt(self, name, *given, **more)
-        if self.best is not before:
-            won.append(name)
+    def noted(made: Any, *given: Any) -> Motion:
+        motion = certified(made, *given)
+        won.append(made.attempt.name)
+        return motion
 
-    tried.attempt = noted
+    planning._certified = noted
 
 
 def single(seed: int, kind: str) -> Work:

@@ -16,22 +16,20 @@ static PyObject *bytes_of(const double *v, index_t n) {
 }
 
 KERNEL(time_quickest) {
-    TAKE("vmvvpvmmvdmvmm");
+    TAKE("vmvvpvmmvdvmm");
     index_t n = a[1].m.n, knots = a[2].v.n, edges = a[3].v.n, moves = a[6].m.n;
     CHECK(n > 0 && a[0].v.n == n + 1 && a[1].m.m == PIECE && knots > 1 && edges > 1);
     CHECK(edges == 2 || a[4].p);
     CHECK(a[5].v.n == (moves ? moves + 1 : 0) && a[6].m.m == 18);
     CHECK(is_matrix(a[7].m, 3, 4) && a[8].v.n == 2 && a[9].d > 0.0);
-    CHECK(!a[10].m.n || (a[10].m.m > 3 && edges == 2));
-    CHECK(!a[10].m.n || a[10].m.n == PROFILE_ROWS);
-    index_t axes = a[13].m.m, axis_pieces = a[12].m.n;
-    CHECK(axes <= MOST_AXES && (!axes || (a[13].m.n == 3 && axis_pieces)));
-    CHECK(!axes || (a[11].v.n == axis_pieces + 1 && a[12].m.m == 6 * axes));
+    index_t axes = a[12].m.m, axis_pieces = a[11].m.n;
+    CHECK(axes <= MOST_AXES && (!axes || (a[12].m.n == 3 && axis_pieces)));
+    CHECK(!axes || (a[10].v.n == axis_pieces + 1 && a[11].m.m == 6 * axes));
     timing_t asked = {a[0].v, a[1].m, a[2].v, a[3].v, a[4].p, a[5].v, a[6].m,
-                      a[7].m, a[8].v, a[9].d, a[11].v, a[12].m, a[13].m};
+                      a[7].m, a[8].v, a[9].d, a[10].v, a[11].m, a[12].m};
     timed_t timed;
     int found;
-    RUN(found = time_quickest(&asked, a[10].m, &timed));
+    RUN(found = time_quickest(&asked, &timed));
     if (found == OUT_OF_MEMORY)
         return PyErr_NoMemory();
     if (found != TIMED)

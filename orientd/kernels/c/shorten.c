@@ -150,7 +150,19 @@ static void put_first(spline_t *s, const phases_t *rests) {
     }
 }
 
-/* The integral of the angular velocity. */
+/* The integral of the angular velocity of phases of constant jerk. */
+static vec_t turn_of_phases(const phases_t *phases) {
+    vec_t turn = vec(0.0, 0.0, 0.0);
+    for (index_t k = 0; k + 1 < phases->count; k++) {
+        const motion_t *from = &phases->node[k], *to = from + 1;
+        double h = phases->time[k + 1] - phases->time[k];
+        turn = scaled_plus(0.5 * h, plus(from->omega, to->omega), turn);
+        turn = scaled_plus(h * h / 12.0, minus(from->alpha, to->alpha), turn);
+    }
+    return turn;
+}
+
+/* The same of a spline. */
 static vec_t turn_of(const spline_t *s) {
     int n = s->elements;
     vec_t turn = vec(0.0, 0.0, 0.0);
@@ -183,6 +195,8 @@ bool shorten_connector(phases_t *rests, matrix_t limits, double period, double l
                        double most_turn, double more) {
     spline_t s;
     double total = rests->time[rests->count - 1];
+    if (most_turn >= 0.0)
+        most_turn = fmax(most_turn, norm(turn_of_phases(rests)));
     if (!(total >= FEWEST * period && total > least + 0.5 * period))
         return true;
     spline_t best;

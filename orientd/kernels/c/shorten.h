@@ -76,7 +76,8 @@ outcome_t shorten(spline_t *spline, double period);
  * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
  * period: it takes a whole number of periods, s.
  * least: it takes at least this long, s.
- * most_turn: the integral of its angular velocity, body components, is no longer, rad.
+ * most_turn: the integral of its angular velocity, body components, is no longer, rad, unless that of
+ *     the way by rest is; negative for no shorter connector.
  * more: multiple of acceleration and jerk for another try where the first one gets stuck. */
 bool shorten_connector(phases_t *rests, matrix_t limits, double period, double least,
                        double most_turn, double more);

@@ -22,7 +22,6 @@ enum {
     MOST_ELEMENTS = 400000, /* more of them are not cut into narrower ones */
     MOST_CUTS = 4,          /* pieces of an element in one round */
     LEAVING_CUTS = 3,       /* of the element that leaves rest */
-    SECANTS = 12,
 };
 
 static const double gaps[] = {0.03, 0.003, 5e-4, 3e-4}; /* share of the duration the barrier costs */
@@ -42,9 +41,6 @@ enum { GAPS = sizeof gaps / sizeof *gaps };
 #define MISSED 1.01         /* share of a limit between the places that were looked at */
 #define GIVEN 1.0002        /* share of a limit that is used where an end is at it */
 #define MAY_LIMIT 0.6       /* share of an axis' limit in a profile of the tool alone */
-#define EASE 3.0            /* one over the share of the mesh near an end that moves */
-#define ROUNDING 1e-13
-#define WHOLE 1e-9          /* of a period */
 
 /* A part of the path: its knots, how it leaves rest, and which of its ends move. */
 typedef struct {
@@ -229,17 +225,6 @@ static double put_nodes(const mesh_t *mesh) {
     put_node_times((row_t){row(mesh, PLACES), n + 1}, (row_t){row(mesh, VALUES), n + 1},
                    (row_t){row(mesh, SLOPES), n + 1}, (row_t){row(mesh, TIMES), n + 1});
     return row(mesh, TIMES)[n];
-}
-
-/* 0 at the ends of a path that move, and 1 far from them, at a share of its length. */
-static double away_from(const bool moves[2], double share) {
-    double far = 1.0;
-    for (int side = 0; side < 2; side++)
-        if (moves[side]) {
-            double u = fmin((side ? 1.0 - share : share) * EASE, 1.0);
-            far *= u * u * (3.0 - 2.0 * u);
-        }
-    return far;
 }
 
 /* Aim lower where limits are exceeded. */
@@ -527,65 +512,20 @@ static int search(part_t *part, mesh_t *mesh) {
     return found;
 }
 
-/* Slow a profile down a little until it takes a time, but not where an end moves, by secants. */
-static void stretch(const part_t *part, mesh_t *mesh, double total, const double *known) {
-    index_t size = mesh->n + 2;
-    double *c = row(mesh, COEFFICIENTS), before = 0.0, took = row(mesh, TIMES)[mesh->n];
-    double slower = 2.0 * (total - took) / total;
-    for (int k = 0; k < SECANTS; k++) {
-        for (index_t i = 0; i < size; i++) {
-            bool is_given = (part->moves[0] && i < 2) || (part->moves[1] && i >= size - 2);
-            double far = is_given ? 0.0
-                       : away_from(part->moves, (double)i / (double)(size - 1));
-            c[i] = known[i] * (1.0 - slower * far);
-        }
-        double now = put_nodes(mesh);
-        if (!(fabs(now - total) > ROUNDING * total) || now == took)
-            break;
-        double slope = (now - took) / (slower - before);
-        before = slower, took = now;
-        slower += (total - now) / slope;
-    }
-}
-
-static int time_part(part_t *part, matrix_t known, mesh_t *mesh) {
+static int time_part(part_t *part, mesh_t *mesh) {
     /* A part has limits of its own: those of axes that are never near them are taken away. */
     double limits[3 * MOST_AXES];
     part->axis_limits = (matrix_t){limits, 3, part->asked->axis_limits.m};
     memcpy(limits, part->asked->axis_limits.v, (size_t)(3 * part->axis_limits.m) * sizeof *limits);
-    int found = PROFILE_NOT_FOUND;
-    if (known.n > 0) {
-        if (!new_mesh(mesh, known.m - 2))
-            return OUT_OF_MEMORY;
-        memcpy(mesh->rows.v, known.v, (size_t)(PROFILE_ROWS * known.m) * sizeof(double));
-        aim_lower(mesh);
-        found = solve(part, mesh, true, AGAIN * LAST_GAP, LAST_GAP);
-    }
-    /* A known profile may be useless for other limits. */
-    if (found == PROFILE_NOT_FOUND) {
-        free(mesh->rows.v);
-        if (!first_mesh(part, mesh))
-            return OUT_OF_MEMORY;
-        found = search(part, mesh);
-    }
+    if (!first_mesh(part, mesh))
+        return OUT_OF_MEMORY;
+    int found = search(part, mesh);
     if (found != PROFILE_FOUND)
         return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : NO_WAY;
-    if (has_dips(mesh))
-        return STANDS_STILL;
-    double took = row(mesh, TIMES)[mesh->n], period = part->asked->period;
-    double total = ceil(took / period - WHOLE) * period;
-    if (part->moves[1] && total != took) {
-        double *before = malloc((size_t)(mesh->n + 2) * sizeof *before);
-        if (before == NULL)
-            return OUT_OF_MEMORY;
-        memcpy(before, row(mesh, COEFFICIENTS), (size_t)(mesh->n + 2) * sizeof *before);
-        stretch(part, mesh, total, before);
-        free(before);
-    }
-    return TIMED;
+    return has_dips(mesh) ? STANDS_STILL : TIMED;
 }
 
-int time_quickest(const timing_t *asked, matrix_t known, timed_t *timed) {
+int time_quickest(const timing_t *asked, timed_t *timed) {
     index_t parts = asked->edges.n - 1, size = 0, to = 0;
     mesh_t *meshes = calloc((size_t)parts, sizeof *meshes);
     timed->rows.v = NULL;
@@ -593,7 +533,7 @@ int time_quickest(const timing_t *asked, matrix_t known, timed_t *timed) {
     int found = meshes == NULL || timed->parts == NULL ? OUT_OF_MEMORY : TIMED;
     for (index_t i = 0; i < parts && found == TIMED; i++) {
         part_t part;
-        found = read_part(asked, i, &part) ? OUT_OF_MEMORY : time_part(&part, known, &meshes[i]);
+        found = read_part(asked, i, &part) ? OUT_OF_MEMORY : time_part(&part, &meshes[i]);
         double *to_part = timed->parts + PART_NUMBERS * i;
         to_part[0] = (double)meshes[i].n;
         to_part[1] = part.leaves[0], to_part[2] = part.leaves[1];

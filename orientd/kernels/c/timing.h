@@ -40,9 +40,7 @@ enum { PART_NUMBERS = 7 };
  * axis_breaks, axis_pieces: the angles of a mechanism's axes by path time, quintics by the time since
  *     each begins, shape (m + 1,) and (m, 6 axes): the angles' coefficients power by power; or (0,)
  *     and (0, 0) for no axes.
- * axis_limits: of their velocity, acceleration and jerk, shape (3, axes).
- *
- * If the path still moves at its end, the duration is a whole number of periods. */
+ * axis_limits: of their velocity, acceleration and jerk, shape (3, axes). */
 typedef struct {
     row_t breaks;
     matrix_t pieces;
@@ -63,10 +61,8 @@ enum { TIMED = 1, NO_WAY = 0, STANDS_STILL = -1 };
 
 /* Find the profiles of all parts.
  *
- * known: a profile of the only part, to be improved on its own mesh; no rows for none.
- *
  * Return TIMED, NO_WAY where the limits leave none, STANDS_STILL where the squared rate falls to zero
  * on the way, or OUT_OF_MEMORY. */
-int time_quickest(const timing_t *asked, matrix_t known, timed_t *timed);
+int time_quickest(const timing_t *asked, timed_t *timed);
 
 #endif

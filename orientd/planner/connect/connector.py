@@ -25,7 +25,6 @@ _MOST_PIECES = 16_384  # of a product
 _MOST_PHASES = 64  # in the first table
 # Sums of Bernstein polynomials of degree 5, each from one on to the last.
 _BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
-_SAME = 1e-9  # of a duration
 _TURN_SLACK = 1.001  # tolerance of the largest turn of a connector, for rounding
 
 
@@ -61,9 +60,9 @@ def connector(
 ) -> Trajectory:
     """Return a trajectory from path time 0 between two states.
 
-    It begins as a stop, a turn and a run-up.  If a shorter one is found, that replaces it; it makes
-    no unnecessary whole turn: it turns at most by the angle between both orientations plus the turn
-    of a stop from either end.
+    It begins as a stop, a turn and a run-up.  A shorter one replaces that, but makes no unnecessary
+    whole turn: it turns at most by the angle between both orientations plus the turn of a stop from
+    either end.  It may also turn as far as the way that it replaces.
 
     Args:
         start: initial state.
@@ -110,27 +109,6 @@ def _of_phases(kernel: Callable[..., int], *given: Floats | float) -> Trajectory
             breaks = breaks[: count + 1]
             return Trajectory(breaks, pieces[:count], breaks)
         room = count
-
-
-def connector_lasting(
-    start: State, end: State, duration: float, *, limits: Limits, own: Limits, period: float
-) -> Trajectory | None:
-    """Return a trajectory between two states that takes a given duration, if one is found.
-
-    Args:
-        start: initial state.
-        end: final state.
-        duration: s.
-        limits: limits to keep.
-        own: as for :func:`connector`.
-        period: about the time between two of its pieces, s.
-    """
-    # Whole periods fill the duration exactly.
-    whole = duration / max(round(duration / period), 1)
-    found = connector(
-        start, end, limits=limits, own=own, period=whole, least=duration - 0.5 * whole
-    )
-    return found if abs(found.duration - duration) < _SAME * duration else None
 
 
 def turn_to_stop(state: State, limits: Limits) -> float:

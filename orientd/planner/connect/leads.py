@@ -22,7 +22,7 @@ from orientd.errors import PlanError
 from orientd.model.limits import Limits, is_still
 from orientd.planner.connect.connector import FACTORS, connector, hold, join, stop
 from orientd.planner.connect.position_stop import check_lead, position_lead
-from orientd.planner.errors import JoinError
+from orientd.planner.errors import LeadError
 from orientd.planner.path import (
     DEGREE,
     UNIT_ACCELERATION,
@@ -74,6 +74,7 @@ def lead_in(
     share: float,
     is_direct: bool = False,
     is_even: bool = False,
+    least: float = 0.0,
 ) -> LeadIn:
     """Return the lead-in from a state to the first keyframe.
 
@@ -83,6 +84,7 @@ def lead_in(
         share: of acceleration and jerk, for a connector and a run-up.
         is_direct: whether to use a connector from rest too.
         is_even: whether an approach has an even pace.
+        least: least duration of a connector, s.
 
     Raises:
         PlanError: it takes longer than the longest allowed motion.
@@ -90,7 +92,8 @@ def lead_in(
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period, share=share, is_even=is_even)
     positions = position_lead(start, first.position, limits=limits, period=period)
-    least = 0.0 if positions.is_held else float(positions.breaks[-1])
+    if not positions.is_held:
+        least = max(least, float(positions.breaks[-1]))
     found = connected(start, first, limits=limits, own=own, period=period, share=share, least=least)
     if not positions.is_held:
         positions = position_lead(
@@ -137,7 +140,7 @@ def join_in(
         share: of acceleration and jerk.
 
     Raises:
-        JoinError: no connector within the first interval keeps the limits.
+        LeadError: no connector within the first interval keeps the limits.
     """
     most = min(int(path.times[1] / period), math.ceil(path.duration / period) - 1)
     cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
@@ -148,7 +151,7 @@ def join_in(
         found = find(State(q, omega, alpha, start.position), least=time - 0.5 * period)
         if found.duration < time + 0.5 * period:
             return found
-    raise JoinError(
+    raise LeadError(
         "found no connector from the device's state onto the curve; use c2_cumulative, which can "
         "begin with it, or set `approach: true` to plan a lead-in"
     )

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orientd.errors import PlanError
 from orientd.model.limits import LONGEST, Limits
@@ -18,11 +17,11 @@ from orientd.planner.path import DEGREE, Motion3, PositionPath, quintic
 from orientd.planner.state import State
 from orientd.rotation import Floats
 
-Booleans = NDArray[np.bool_]
-
-_GRID = 200
+_MOST_LOOKS = 64  # at durations
+_SLACK = 1e-9  # of a period
+_PRECISION = 0.01  # of the shortest duration
 _INDEX = np.arange(DEGREE + 1.0)
-_U = np.linspace(0.0, 1.0, 33)[:, None]
+_U = np.linspace(0.0, 1.0, 65)[:, None]
 # Contributions of distance, initial velocity and initial acceleration to velocity and acceleration
 # of a quintic that ends at rest, by the share of the duration.
 _RATES = (
@@ -60,7 +59,7 @@ def position_lead(
         return PositionPath.held(start.position)
     here: Motion3 = (start.position, start.velocity, start.acceleration)
     bounds = _bounds(here, limits)
-    if least > 0.0 and _keeps(here, target, np.array([least]), bounds)[0]:
+    if least > 0.0 and _excess(here, target, least, bounds) <= 1.0:
         return _path([(_piece(here, target, least), least)], start.position, target)
     pieces: list[tuple[Floats, float]] = []
     duration = _shortest(here, target, bounds, period)
@@ -101,33 +100,56 @@ def _bounds(here: Motion3, limits: Limits) -> tuple[float, float]:
     )
 
 
-def _keeps(
-    here: Motion3, target: Floats | None, durations: Floats, bounds: tuple[float, float]
-) -> Booleans:
-    """Return whether pieces of given durations keep the bounds, at evenly spaced points."""
-    p, v, a = here
-    t = durations[:, None, None]
+def _excess(
+    here: Motion3, target: Floats | None, duration: float, bounds: tuple[float, float]
+) -> float:
+    """Return by which factor a piece should be slower for the bounds."""
+    (p, v, a), t = here, duration
     way = v * t / 2.0 + a * t**2 / 12.0 if target is None else target - p
     velocity = way / t * _RATES[0] + v * _RATES[1] + a * t * _RATES[2]
     push = way / t**2 * _BENDS[0] + v / t * _BENDS[1] + a * _BENDS[2]
-    speeds, pushes = (np.sqrt(np.einsum("tui,tui->tu", x, x)).max(1) for x in (velocity, push))
-    kept: Booleans = (speeds <= bounds[0]) & (pushes <= bounds[1])
-    return kept
+    return max(_peak(velocity) / bounds[0], math.sqrt(_peak(push) / bounds[1]))
+
+
+def _peak(vectors: Floats) -> float:
+    """Return the largest size of a vector from even samples: that of a parabola through three."""
+    sizes = np.sqrt(np.einsum("ui,ui->u", vectors, vectors))
+    at = int(np.argmax(sizes))
+    largest = float(sizes[at])
+    if not 0 < at < len(sizes) - 1:
+        return largest
+    before, after = sizes[[at - 1, at + 1]].tolist()
+    bend = before - 2.0 * largest + after
+    return largest - (after - before) ** 2 / (8.0 * bend) if bend < 0.0 else largest
 
 
 def _shortest(
     here: Motion3, target: Floats | None, bounds: tuple[float, float], period: float
 ) -> float | None:
-    """Return the shortest duration of a single piece on a grid, in whole periods."""
-    p, v, _ = here
-    speed = float(np.linalg.norm(v))
-    distance = 0.0 if target is None else float(np.linalg.norm(target - p))
+    """Return about the shortest duration of a single piece, in whole periods.
+
+    The distance and the initial velocity add a velocity and an acceleration that fall with the
+    duration.  The initial acceleration adds what does not, so there may be no duration.
+    """
+    distance = 0.0 if target is None else float(np.linalg.norm(target - here[0]))
     check_lead("a move of the position", distance / bounds[0])
-    scale = 2.0 * distance / bounds[0] + 3.0 * math.sqrt(distance / bounds[1])
-    longest = max(1.5 * scale + 8.0 * speed / bounds[1] + 8.0 * period, 8.0 * period)
-    grid = np.unique(np.ceil(np.geomspace(period, longest, _GRID) / period - 1e-9)) * period
-    kept = np.flatnonzero(_keeps(here, target, grid, bounds))
-    return float(grid[kept[0]]) if len(kept) else None
+    fewest, cycles = 0, 1
+    for _ in range(_MOST_LOOKS):
+        excess = _excess(here, target, cycles * period, bounds)
+        if excess <= 1.0:
+            break
+        if excess * cycles * period > LONGEST:
+            return None
+        fewest, cycles = cycles, max(math.ceil(excess * cycles - _SLACK), cycles + 1)
+    else:
+        return None
+    while cycles - fewest > max(1.0, _PRECISION * cycles):
+        middle = (fewest + cycles) // 2
+        if _excess(here, target, middle * period, bounds) <= 1.0:
+            cycles = middle
+        else:
+            fewest = middle
+    return cycles * period
 
 
 def check_lead(what: str, duration: float) -> None:

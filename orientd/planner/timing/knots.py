@@ -58,13 +58,8 @@ class Knots:
     length: float = 0.0
     leaves_freely: bool = False
 
-    def merged(self, request: MotionRequest, first: int = 0) -> tuple[str, ...]:
-        """Return notes on keyframes that are close to another and count as one with it.
-
-        Args:
-            request: the keyframes.
-            first: index of the first of them in the whole request.
-        """
+    def merged(self, request: MotionRequest) -> tuple[str, ...]:
+        """Return notes on keyframes that are close to another and count as one with it."""
         if len(self.kept) == len(self.times):
             return ()
         left_out = np.setdiff1d(np.arange(len(self.times)), self.kept)
@@ -72,8 +67,7 @@ class Knots:
         owners = self.kept[np.searchsorted(self.times[self.kept], self.times[left_out])]
         apart = angle(request.keys[left_out], request.keys[owners])
         return tuple(
-            f"keyframes[{first + one}] is {far:.2g} rad from keyframes[{first + owner}]: "
-            "passed as one"
+            f"keyframes[{one}] is {far:.2g} rad from keyframes[{owner}]: passed as one"
             for one, owner, far in zip(
                 *map(np.ndarray.tolist, (left_out, owners, apart)), strict=True
             )

@@ -111,7 +111,6 @@ def profiles(
     period: float,
     *,
     rests: Floats | None = None,
-    known: Floats | None = None,
     axes: AxisPath = NO_AXES,
 ) -> list[Profile]:
     """Return the fastest profiles of the parts of a path.
@@ -120,8 +119,6 @@ def profiles(
         rests: knots between which there are parts, both ends included, s, shape ``(p + 1,)``: each
             of them is from rest to rest.  ``None`` leaves the path in one part, with its ends as
             they are.
-        known: coefficients and utilisation on the first mesh, shape ``(4, n + 2)``, or the rows of
-            a profile to be improved on its own mesh; ``None`` starts from a guess.
         axes: of the device, along the path.
 
     Raises:
@@ -139,7 +136,6 @@ def profiles(
         limit_table(aims),
         np.array([aims.linear_velocity, aims.linear_acceleration]),
         period,
-        np.empty((0, 0)) if known is None else known,
         axes.breaks,
         axes.pieces,
         axes.limits,
@@ -181,7 +177,6 @@ def quickest(
     limits: Limits,
     period: float,
     *,
-    known: Floats | None = None,
     has_rests: bool = False,
     axes: AxisPath = NO_AXES,
 ) -> QuickPath:
@@ -202,13 +197,12 @@ def quickest(
     rests = None
     if len(inner) or (has_rests and not _rests_at_ends(path)):
         rests = np.concatenate([[0.0], inner, [path.duration]])
-    elif known is None and axes is NO_AXES:
-        # A path with a known profile is not a turn about one axis.
+    elif axes is NO_AXES:
         turn = turned_at_once(path, limits)
         if turn is not None:
             return QuickPath(turn.trajectory, turn.positions, turn.times, path.notes)
-    found = profiles(path, limits, period, rests=rests, known=known, axes=axes)
-    quick = _joined([_on_records(retimed(path, one), period) for one in found])
+    found = profiles(path, limits, period, rests=rests, axes=axes)
+    quick = _joined([_at_limits(retimed(path, one)) for one in found])
     refusal.check_duration(quick.duration)
     return quick
 
@@ -237,14 +231,12 @@ def retimed(path: KeyframePath, profile: Profile) -> QuickPath:
     return QuickPath(smooth, positions, times, path.notes, profile)
 
 
-def _on_records(quick: QuickPath, period: float) -> QuickPath:
-    """Return a path at the speed of its profile, or at the speed that its records need."""
+def _at_limits(quick: QuickPath) -> QuickPath:
+    """Return a path at the speed of its profile, slowed down by a small excess of it."""
     profile = quick.profile
-    if profile is None or profile.moves[1]:
-        # A part that continues from a moving end begins at a record.
-        return quick.slowed(period * round(quick.duration / period))
-    # If both ends rest, uniform slowing corrects a small excess.
-    return quick if any(profile.moves) else quick.slowed(quick.duration * profile.slower)
+    if profile is None or any(profile.moves):
+        return quick
+    return quick.slowed(quick.duration * profile.slower)
 
 
 def _joined(parts: Sequence[QuickPath]) -> QuickPath:

@@ -120,6 +120,23 @@ def test_whole_turns_may_end_in_motion():
     assert not any("limit" in one for one in faults(motion, Case("", 0, "", request, None, limits)))
 
 
+def test_whole_turns_may_begin_in_motion():
+    request, limits, period = asked("turns_and_end_velocity")
+    turns = [one.turns for one in request.keyframes]
+    keyframes = [
+        replace(one, turns=count) for one, count in zip(request.keyframes[::-1], turns, strict=True)
+    ]
+    request = replace(
+        request, keyframes=keyframes, start_velocity=request.end_velocity, end_velocity=None,
+        approach=True, duration=28.7,
+    )  # fmt: skip
+    start = State.at_rest(request.keys[0])
+    motion = plan(request, start=start, limits=limits, period=period)
+    assert any(one.startswith("waits at the end") for one in motion.certificate.notes)
+    assert motion.end_time - motion.start_time == pytest.approx(28.7)
+    assert motion.keyframe_times[-1] == pytest.approx(motion.end_time)
+
+
 @pytest.mark.parametrize("factor", [1.0, 1.02, 1.1, 1.2, 1.4, 3.0])
 def test_every_duration_from_the_quickest_on_is_planned_next_to_one_velocity(factor):
     request, limits, _ = asked("between_two_durations")

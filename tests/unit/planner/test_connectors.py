@@ -188,6 +188,14 @@ def test_a_device_that_rises_beside_a_limit_is_not_led_by_way_of_rest():
     assert motion.end_time <= 1.4  # by way of rest it is 2.03
 
 
+def test_a_device_that_must_turn_on_round_does_not_rest_before():
+    limits = Limits(10.0, 0.5, 5.0, 1.0, 10.0)
+    start = state(np.zeros(3), (0.768, -0.886, 2.004))
+    goal = Keyframe(tuple(exp(np.array((-0.11, 0.0, 0.058))).tolist()))
+    motion = plan(MotionRequest([goal]), start=start, limits=limits, period=PERIOD)
+    assert motion.duration <= 5.3  # by way of rest it is 7.33
+
+
 NORMS = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
 ON_THE_VERGE = [
     # 1.91 s with a connector of quintic pieces

@@ -6,7 +6,6 @@ from planned import LIMITS, anywhere, random_request
 
 from orientd.errors import RequestError
 from orientd.planner import Keyframe, MotionRequest, State, plan
-from orientd.planner.timing.even import shortest
 from orientd.planner.timing.knots import chord_knots
 from orientd.rotation import exp
 
@@ -73,54 +72,6 @@ def test_curves_that_do_not_interpolate_get_equal_intervals():
     request = MotionRequest(turned(0.0, 0.1, 1.0))
     found = chord_knots(request, ARM, is_uniform=True)
     assert found.times == pytest.approx([0.0, 0.5, 1.0])
-
-
-@pytest.mark.parametrize("power", [0.4, 1.0, 2.5])
-@pytest.mark.parametrize("first", [1, 300, 5000, 900_000])
-def test_the_search_finds_the_seam_to_a_thousandth(power, first):
-    tried = []
-
-    def attempt(cycles):
-        tried.append(cycles)
-        return (4321.5 / cycles) ** power
-
-    found = shortest(attempt, first, most=10**7)
-    assert 4322 <= found <= 4322 * 1.003
-    assert len(tried) < 30
-
-
-def test_the_search_returns_only_what_was_tried_and_kept_the_limits():
-    kept = set()
-
-    def attempt(cycles):
-        # A seam in two places, and factors that say nothing.
-        is_kept = 700 <= cycles < 800 or cycles >= 900
-        kept.update([cycles] if is_kept else [])
-        return 0.5 if is_kept else 1.02
-
-    assert shortest(attempt, 100, most=10**6) in kept
-
-
-def test_the_search_gives_up_where_nothing_helps():
-    tried = []
-
-    def attempt(cycles):
-        tried.append(cycles)
-        return 1.3
-
-    assert shortest(attempt, 10, most=10**7) is None
-    assert len(tried) < 40
-
-
-def test_the_search_does_not_go_beyond_the_most():
-    tried = []
-
-    def attempt(cycles):
-        tried.append(cycles)
-        return 100.0
-
-    assert shortest(attempt, 10, most=50) is None
-    assert max(tried) <= 50
 
 
 def test_one_cycle_less_would_break_a_limit():
