@@ -123,7 +123,7 @@ class _Attempt:
         make: returns the path from the first keyframe to the last, timed for given limits; or the
             state at a single keyframe.
         job: plans the leads.
-        least: returns about the least duration of its path, s.
+        least: returns about the least duration of that path, s.
         is_slower: whether it repeats an attempt of its name more slowly, to leave room for a lead.
     """
 
@@ -149,6 +149,11 @@ class _Made:
     core: KeyframePath | State
     whole: KeyframePath
     further: float = 0.0
+
+    @property
+    def between(self) -> float:
+        """Duration from the first keyframe to the last, s; of all of it for a single one."""
+        return self.core.duration if isinstance(self.core, KeyframePath) else self.whole.duration
 
 
 Refused = dict[str, PlanError]
@@ -199,7 +204,7 @@ def _ordered(job: PlanJob, refused: Refused, *, is_again: bool = False) -> Itera
                 continue
             with _noted(refused, attempt.name):
                 least = attempt.least()
-                if any(one.whole.duration <= least for one in paths if not one.further):
+                if any(one.between <= least for one in paths if not one.further):
                     continue
                 core = attempt.make(attempt.job.limits)
                 whole = attempt.job.with_leads(core)
