@@ -110,8 +110,36 @@ def place_arm(arm: Rows, is_own: bool, joints: Rows, poses: Rows, /) -> None: ..
 def reserve_arm(arm: Rows, joints: Rows, reserves: Rows, /) -> None: ...
 def solve_arm(arm: Rows, tool: Rows, pose: Rows, joints: Rows, /) -> int: ...
 
-# foresight.h
-def foresee_stop(stop: Rows, seconds: Rows, poses: Rows, /) -> int: ...
-def first_strain(
-    seconds: Rows, joints: Rows, last: Rows, axes: Rows, period: float, strain: Rows, /
+# chain.h
+def brakes_outside(
+    chain: Rows, axes: Rows, joints: Rows, period: float, cones: Rows, /
+) -> bool: ...
+def pursue_joints(
+    chain: Rows,
+    axes: Rows,
+    tool: Rows,
+    period: float,
+    joints: Rows,
+    reference: Rows,
+    is_way: bool,
+    following: Rows,
+    taken: Rows,
+    goal: Rows,
+    accelerations: Rows,
+    /,
+) -> None: ...
+def roll_stop(
+    chain: Rows,
+    axes: Rows,
+    tool: Rows,
+    period: float,
+    joints: Rows,
+    differences: Rows,
+    cones: Rows,
+    share: float,
+    drift: float,
+    accelerations: Rows,
+    stop: Rows,
+    strain: Rows,
+    /,
 ) -> int: ...

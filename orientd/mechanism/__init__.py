@@ -2,7 +2,7 @@
 
 The servo uses plain floats and kernels.  Only the modules that plan whole paths need NumPy.
 
-Other packages import from ``arrays``, ``figure``, ``following``, ``foresight``, ``gimbal``,
+Other packages import from ``arrays``, ``chain``, ``figure``, ``following``, ``gimbal``,
 ``gimbal_route``, ``joint_path``, ``keep_out_slews``, ``mechanism``, ``pacing``, ``routing`` and
 ``turning``.
 """

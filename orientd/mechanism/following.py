@@ -6,15 +6,19 @@ Plain floats only, since the servo runs it.
 
 from __future__ import annotations
 
+from array import array
 from math import ceil, copysign, floor, inf, sqrt, tau
 
 from orientd.driver import Joints, Quaternion, Vector3
-from orientd.mechanism.mechanism import Mechanism
+from orientd.mechanism.chain import axis_rows
+from orientd.mechanism.mechanism import Mechanism, Rows
 
 _OUTSIDE = 1e3
 """Cost of a radian outside an axis' limits, in seconds of its travel."""
 _FAR = 1e6
 """Largest angle, rad, of an axis without limits of its angle."""
+_AWAY = 1e-3
+"""Angle by which a tool that cannot reach a cone is farther away, rad."""
 USABLE = 0.99
 """Usable share of the limits of an axis; the rest is for rounding and for the ticks of a servo."""
 
@@ -25,10 +29,14 @@ class Following:
     Args:
         mechanism: kinematics and limits of the axes.
         period: cycle period, s.
+        chain: the kinematics in numbers, see :func:`~orientd.mechanism.chain.chain_of`.
     """
 
-    def __init__(self, mechanism: Mechanism, period: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, period: float, chain: array[float] | None = None
+    ) -> None:
         self._mechanism = mechanism
+        self._chain, self._limits = chain, axis_rows(mechanism, USABLE)
         self._axes = mechanism.axes
         self._period = period
         self._wanted: Joints = ()
@@ -78,6 +86,32 @@ class Following:
             joints.append(angle + self._period * (rate - min(max(rate, -step), step)))
         self._wanted = ()
         return tuple(joints)
+
+    def brakes_outside(self, joints: Joints, last: Joints, clearance: float, cones: Rows) -> bool:
+        """Return whether the tool stays outside of cones if the axes go to *joints* and brake.
+
+        Inside of a cone, the tool must not come nearer to its centre.
+
+        Args:
+            joints: of the next setpoint, rad.
+            last: of the last setpoint, rad.
+            clearance: angle from the tool's axis to the nearest cone at the last setpoint, rad.
+            cones: see ``kernels/c/chain.h``.
+        """
+        from orientd import kernels
+
+        h = self._period
+        rates = [(a - b) / h for a, b in zip(joints, last, strict=True)]
+        # Every axis turns the tool by at most its own angle.
+        reach = 0.0
+        for rate, axis in zip(rates, self._axes, strict=True):
+            reach += abs(rate) * (h + 0.5 * abs(rate) / (USABLE * axis.acceleration))
+        if clearance > reach + _AWAY:
+            return True
+        moving = Rows(2, len(rates), (*last, *rates))
+        return self._chain is not None and kernels.brakes_outside(
+            self._chain, self._limits.view, moving.view, h, cones.view
+        )
 
     def _inside(self, joints: Joints, last: Joints) -> Joints:
         """Return *joints* on the turns nearest to *last*, within the limits if possible."""

@@ -210,6 +210,33 @@ class Mechanical(Protocol):
         """
 
 
+def refusal(mechanism: Mechanism, q: Quaternion, position: Vector3, joints: Joints) -> str:
+    """Return why a device cannot reach a target, or an empty string.
+
+    Args:
+        mechanism: the device's mechanism.
+        q: tool orientation.
+        position: tool position, m.
+        joints: current joints, rad.
+    """
+    found = mechanism.nearest(q, position, joints)
+    if found is None:
+        return "the device does not reach there"
+    for axis, angle in zip(mechanism.axes, found, strict=True):
+        if not axis.low <= angle <= axis.high:
+            most = axis.high if angle > axis.high else axis.low
+            return (
+                f"{axis.name} would have to turn to {angle:.4g} rad, its range ends at {most:.4g}"
+            )
+    for one in mechanism.reserve(found):
+        if one.value < one.least_followed:
+            return (
+                f"the {one.name} is {one.value:.3g} {one.unit} from its singularity there, the "
+                f"least is {one.least_followed:g}"
+            )
+    return ""
+
+
 def inside(axes: Sequence[AxisLimits], joints: Joints, near: Joints) -> Joints | None:
     """Return *joints* on the turns nearest to *near* inside the ranges of *axes*, if any.
 

@@ -13,6 +13,7 @@ from math import atan2, degrees, sqrt
 from orientd.driver import Quaternion, Vector3
 from orientd.floats import cross, dot, norm, plus, rotate
 from orientd.keep_out import KeepOut
+from orientd.mechanism.mechanism import Rows
 
 REFRESH = 0.1
 """Time between two looks at the wall clock, s."""
@@ -85,6 +86,17 @@ class KeepOutCones:
             angle = atan2(sqrt(u * u + v * v + w * w), a * x + b * y + c * z)
             found.append(angle - one.half_angle)
         self._q, self._found = q, found
+        return found
+
+    def rows(self, q: Quaternion, reserve: float) -> Rows:
+        """Return the cones for the stops of axes from *q* on, see ``kernels/c/chain.h``.
+
+        Stops keep the angle *reserve* outside, rad; from inside they come no nearer.
+        """
+        found = Rows(len(self.cones), 7)
+        each = zip(self.cones, self.directions, self.clearances(q), strict=True)
+        for row, (one, direction, clearance) in enumerate(each):
+            found[row] = (*one.axis, *direction, one.half_angle + min(reserve, clearance))
         return found
 
     def intrusion(self, before: Quaternion, q: Quaternion, slack: float = SLACK) -> str:

@@ -13,8 +13,8 @@ from math import dist
 from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled, Vector3
 from orientd.errors import DeviceFaultError, Fault, NotYetError
 from orientd.floats import combine, difference, norm
+from orientd.mechanism.chain import chain_of
 from orientd.mechanism.following import Following
-from orientd.mechanism.foresight import Foresight
 from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
@@ -30,7 +30,6 @@ from orientd.servo.path.quick_stop import QuickStop
 from orientd.servo.path.segment import PathPoint
 from orientd.servo.path.time_scaling import TimeScaling
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking.joint_stop import JointStop
 from orientd.servo.tracking.target_follower import TargetFollower
 from orientd.servo.watchdog import longest_gap_ns
 from orientd.stream.memory import SharedMemory
@@ -49,6 +48,12 @@ _BY_POSES = 0.99
 
 Between two records the joints of the poses differ a little from those of the path.
 """
+
+_GIMBAL_AXES = 3
+"""Most axes that only turn a tool; they follow poses by themselves, also past their pole."""
+
+_AXES_RESERVE = 4e-4
+"""Angle outside of a cone that a stop of such axes keeps, rad: less than that of the poses."""
 
 _JOINT_TOLERANCE = 1e-8
 """Tolerance of an axis' angle, rad: near a pole rounding is larger than elsewhere."""
@@ -98,7 +103,6 @@ class SetpointGenerator:
         self._takes_joints = driver.takes == "joints"
         self._mechanism: Mechanism | None = None
         self._following: Following | None = None
-        self._joint_stop: JointStop | None = None
         self._scaled = driver if isinstance(driver, Scaled) else None
         self._on_fault = on_fault
         self._period_ns, self._stall_ns = period_ns, stall_ns
@@ -156,13 +160,13 @@ class SetpointGenerator:
         axes = mechanism.axes if mechanism is not None else ()
         self._guard.know(axes)
         self._quick_stop.know(axes, share=1.0 if self._takes_joints else _BY_POSES)
-        self.pursuit.foresight = self._following = None
-        if self._takes_joints and mechanism is not None:
-            self._following = Following(mechanism, period)
-            if self.cones is not None:
-                self._joint_stop = JointStop(mechanism, self.cones, period)
-        elif mechanism is not None:
-            self.pursuit.foresight = Foresight(mechanism, period)
+        self.pursuit.joint_tracker = self._following = None
+        if mechanism is not None:
+            chain = chain_of(mechanism)
+            if self._takes_joints:
+                self._following = Following(mechanism, period, chain)
+            if chain is not None and not (self._takes_joints and len(axes) <= _GIMBAL_AXES):
+                self.pursuit.make_joint_tracker(mechanism, chain, takes_joints=self._takes_joints)
         joints = feedback.joints if self._takes_joints else ()
         self.last = PathPoint(q, ZERO, ZERO, position, ZERO, joints)
         self._guard.anchor(q, position, joints)
@@ -193,13 +197,20 @@ class SetpointGenerator:
 
     def _may_leave_path(self) -> bool:
         """Return whether a stop off the path ends outside of the keep-out cones."""
-        stop, following, guard = self._joint_stop, self._following, self._guard
+        following, guard = self._following, self._guard
         if not self.pursuit.tracker.is_clear:
             return False
-        if stop is None or following is None or not guard.joint_rates:
+        if following is None or not guard.joint_rates:
             return True
-        braked = following.braked(guard.joints, guard.joint_rates)
-        return stop.stays_outside(self._sent, braked, guard.joints)
+        return self._brakes_outside(following.braked(guard.joints, guard.joint_rates))
+
+    def _brakes_outside(self, joints: Joints) -> bool:
+        """Return whether axes that go to *joints*, and brake there, stay outside of the cones."""
+        if self._following is None or self.cones is None:
+            return True
+        clearance = min(self.cones.clearances(self._sent))
+        cones = self.cones.rows(self._sent, _AXES_RESERVE)
+        return self._following.brakes_outside(joints, self._guard.joints, clearance, cones)
 
     def clear_fault(self) -> None:
         """Leave the fault state."""
@@ -251,25 +262,33 @@ class SetpointGenerator:
         return problem
 
     def track(self, part: PathPart, joints: Joints) -> None:
-        """Follow targets from here on, whatever moves at present; the axes are near *joints*."""
+        """Follow targets from here on, whatever moves at present; the axes are near *joints*.
+
+        Raises:
+            NotYetError: the axes have no stop from here that keeps every limit.
+        """
         following = advance(self.state, Command.TRACK)
-        self.time_scaling.halt()
-        # If a narrower limit is already broken, reduce the excess.
-        guard = self._guard
-        linear = linear_limits_of(part.servo_limits, guard.period)
-        speed = loosened(linear, guard.velocity, guard.acceleration).velocity
-        servo_limits = replace(part.servo_limits, linear_velocity=speed)
+        servo_limits, guard = part.servo_limits, self._guard
+        if self.pursuit.joint_tracker is None:
+            # If a narrower limit is already broken, reduce the excess.
+            linear = linear_limits_of(servo_limits, guard.period)
+            speed = loosened(linear, guard.velocity, guard.acceleration).velocity
+            servo_limits = replace(servo_limits, linear_velocity=speed)
+        elif not joints:
+            raise NotYetError("the device does not say where its axes are")
         self._pursue(servo_limits, joints, is_off_path=False)
+        self.time_scaling.halt()
         self.motion = part.number
         self.state = following
 
     def _pursue(self, servo_limits: ServoLimits, joints: Joints = (), *, is_off_path: bool) -> None:
         """Continue from the written setpoints without a path: after targets, or to stop."""
+        self.pursuit.limits = self._servo_limits
+        self.pursuit.begin(servo_limits, joints)
         self._servo_limits, self._is_off_path = servo_limits, is_off_path
         self._sent = self.last.q
         if self._following is not None:
             self._following.begin()
-        self.pursuit.begin(servo_limits, joints)
 
     def stop(self) -> None:
         """Begin to come to rest, on the path or away from the target."""
@@ -411,12 +430,16 @@ class SetpointGenerator:
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint towards a target, or of a stop off the path."""
         pursuit, guard = self.pursuit, self._guard
-        point, position = pursuit.step(
+        point, position, joints = pursuit.step(
             deadline_ns, self._servo_limits, is_stopping=self.state is not _TRACKING
         )
-        q, joints = point.q, self._joints_towards(point.q, position)
-        # The servo sends what the axes can follow.
-        sent = q if self._mechanism is None or not joints else self._mechanism.forward(joints)[0]
+        self._servo_limits = pursuit.limits
+        q = sent = point.q
+        if not joints:
+            joints = self._joints_towards(q, position)
+            # The servo sends what the axes can follow.
+            if self._mechanism is not None and joints:
+                sent = self._mechanism.forward(joints)[0]
         if self._is_off_path:
             guard.take(q, position, joints)
         elif problem := self._enters_cone(sent, joints) or guard.admit(
@@ -427,15 +450,10 @@ class SetpointGenerator:
         is_there = norm(difference(q, self._sent)) < _START_TOLERANCE
         is_there = is_there and max(map(abs, guard.joint_rates), default=0.0) < _STILL
         self._sent = q
-        if (
-            self.state is _STOPPING
-            and is_there
-            and pursuit.tracker.is_at_rest
-            and guard.velocity == ZERO
-        ):
+        if self.state is _STOPPING and is_there and pursuit.is_at_rest and guard.velocity == ZERO:
             self._finish()
             # Axes that could not reach it hold where they could.
-            guard.anchor(q, position, joints)
+            guard.anchor(q, position, joints if self._takes_joints else ())
             return PathPoint(q, ZERO, ZERO, position, ZERO, joints)
         return PathPoint(q, point.omega_body, point.alpha_body, position, guard.velocity, joints)
 
@@ -452,8 +470,7 @@ class SetpointGenerator:
         guard = self._guard
         last = guard.joints
         joints = self._following.step(q, position, last, guard.joint_rates)
-        stop = self._joint_stop
-        if stop is not None and not stop.stays_outside(self._sent, joints, last):
+        if not self._brakes_outside(joints):
             return self._following.braked(last, guard.joint_rates)
         return joints
 

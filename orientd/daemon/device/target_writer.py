@@ -12,7 +12,7 @@ from orientd.daemon.device.servo_process import ServoProcess
 from orientd.driver import Driver, Joints, Quaternion, Vector3
 from orientd.errors import LinkError, PlanError, RequestError
 from orientd.mechanism import Gimbal, Mechanical, Mechanism
-from orientd.mechanism.foresight import refusal
+from orientd.mechanism.mechanism import refusal
 from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
 from orientd.stream import Cycle
 from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Sample

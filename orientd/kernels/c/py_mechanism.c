@@ -1,7 +1,7 @@
-/* Arms, and the foresight of axes, as Python calls them. */
+/* Arms, and chains of axes within their limits, as Python calls them. */
 #include "arms.h"
 #include "binding.h"
-#include "foresight.h"
+#include "chain.h"
 
 static bool is_arm(row_t arm) { return arm.n == PUBLISHED_ARM || arm.n == CALIBRATED_ARM; }
 
@@ -39,27 +39,48 @@ KERNEL(reserve_arm) {
     Py_RETURN_NONE;
 }
 
-KERNEL(foresee_stop) {
-    TAKE("vVM");
-    CHECK(a[0].v.n == COMING_STOP && a[1].v.n > 2);
-    CHECK(a[2].m.n == a[1].v.n && a[2].m.m == ARM_POSE);
-    index_t poses;
-    RUN_AT_ONCE(poses = foresee_stop((const coming_stop_t *)a[0].v.v, a[1].v, a[2].m));
-    return PyLong_FromLongLong(poses);
+static bool is_chain(row_t chain, matrix_t axes) {
+    return axes.n > 0 && axes.n <= MOST_COORDINATES && axes.m == AXIS_LIMITS
+           && chain.n == CHAIN_POSE + CHAIN_AXIS * axes.n;
 }
 
-KERNEL(first_strain) {
-    TAKE("vmmmdV");
-    index_t axes = a[1].m.m;
-    CHECK(a[0].v.n >= a[1].m.n && a[2].m.n == 2 && a[2].m.m == axes);
-    CHECK(a[3].m.n == axes && a[3].m.m == 4 && a[5].v.n == STRAIN);
-    index_t row;
-    RUN_AT_ONCE(row = first_strain(a[0].v, a[1].m, a[2].m, a[3].m, a[4].d, a[5].v));
-    return PyLong_FromLongLong(row);
+KERNEL(pursue_joints) {
+    TAKE("vmvdmmpvVVV");
+    limited_chain_t arm = {a[0].v, a[1].m, a[2].v, a[3].d};
+    CHECK(is_chain(arm.chain, arm.axes) && arm.tool.n == TOOL_LIMITS && arm.period > 0.0);
+    CHECK(a[4].m.n == JOINT_ROWS && a[4].m.m == arm.axes.n && a[5].m.m == arm.axes.n);
+    CHECK(a[5].m.n == 1 || (a[5].m.n == REFERENCE_ROWS && !a[6].p));
+    CHECK(a[7].v.n == FOLLOWING && a[8].v.n == TAKEN);
+    CHECK(a[9].v.n == arm.axes.n && a[10].v.n == arm.axes.n);
+    RUN_AT_ONCE(
+        pursue_joints(&arm, a[4].m, a[5].m, a[6].p, a[7].v, a[8].v, a[9].v, a[10].v));
+    Py_RETURN_NONE;
+}
+
+KERNEL(roll_stop) {
+    TAKE("vmvdmvmddvMV");
+    limited_chain_t arm = {a[0].v, a[1].m, a[2].v, a[3].d};
+    CHECK(is_chain(arm.chain, arm.axes) && arm.tool.n == TOOL_LIMITS && arm.period > 0.0);
+    CHECK(a[4].m.n == JOINT_ROWS && a[4].m.m == arm.axes.n && a[5].v.n == TOOL_DIFFERENCES);
+    CHECK(a[6].m.m == CONE && a[9].v.n == arm.axes.n && a[10].m.m == arm.axes.n);
+    CHECK(a[11].v.n == STRAIN);
+    index_t cycles;
+    RUN_AT_ONCE(cycles = roll_stop(&arm, a[4].m, a[5].v, a[6].m, a[7].d, a[8].d, a[9].v, a[10].m,
+                                   a[11].v));
+    return PyLong_FromLongLong(cycles);
+}
+
+KERNEL(brakes_outside) {
+    TAKE("vmmdm");
+    CHECK(is_chain(a[0].v, a[1].m) && a[2].m.n == 2 && a[2].m.m == a[1].m.n);
+    CHECK(a[3].d > 0.0 && a[4].m.m == CONE);
+    bool is_outside;
+    RUN_AT_ONCE(is_outside = brakes_outside(a[0].v, a[1].m, a[2].m, a[3].d, a[4].m));
+    return PyBool_FromLong(is_outside);
 }
 
 PyMethodDef mechanism_methods[] = {
-    ENTRY(first_strain), ENTRY(follow_arm),  ENTRY(foresee_stop),
-    ENTRY(place_arm),    ENTRY(reserve_arm), ENTRY(solve_arm),
+    ENTRY(brakes_outside), ENTRY(follow_arm),  ENTRY(place_arm),  ENTRY(pursue_joints),
+    ENTRY(reserve_arm),    ENTRY(roll_stop),   ENTRY(solve_arm),
     LAST_ENTRY,
 };

@@ -99,16 +99,6 @@ class StopFilter:
         """Return whether no stop reaches a cone, in whatever direction."""
         return not self._near(q, omega, limits)
 
-    def is_safe(
-        self, q: Quaternion, omega: Vector3, alpha: Vector3, limits: TrackingLimits
-    ) -> bool:
-        """Return whether a stop ends outside after a step with acceleration *alpha*.
-
-        The other arguments are as for :meth:`filtered`.
-        """
-        near = self._near(q, omega, limits)
-        return not near or self._margin(omega, alpha, limits, near) >= -_AGREEING
-
     def _margin(
         self, omega: Vector3, alpha: Vector3, limits: TrackingLimits, near: list[Obstacle]
     ) -> float:

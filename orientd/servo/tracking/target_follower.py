@@ -3,19 +3,18 @@
 The position follows its target by the law of the orientation (:mod:`orientd.servo.motion_law`),
 with the linear limits.
 
-For a device with a mechanism the axes are predicted (:class:`.Foresight`).  If
-they cannot follow a step and a stop from it, the servo tries a part of the step, and finally
-brakes.
+An arm follows with its joints instead (:class:`.JointTracker`).
 """
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from math import dist
 
-from orientd.driver import ZERO, Joints, Quaternion, Vector3
-from orientd.floats import combine, dot, exp, multiply, norm, plus
-from orientd.mechanism.foresight import ComingStop, Foresight
+from orientd.driver import ZERO, Joints, Vector3
+from orientd.floats import combine, dot, norm, plus
+from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import (
@@ -34,9 +33,12 @@ from orientd.servo.tracking.chunks import (
     write_position_distance,
     write_report,
 )
+from orientd.servo.tracking.guidance import Place
+from orientd.servo.tracking.joint_tracker import JointTracker
+from orientd.servo.tracking.preview import Motion
 from orientd.servo.tracking.steering import position_command
 from orientd.servo.tracking.targets import Target
-from orientd.servo.tracking.tracker import Place, Tracker, TrackPoint
+from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream.records import HELD_WORD, LEFT_OUT_WORD, ServoLimits
 from orientd.stream.ring import RecordRing
 
@@ -56,12 +58,6 @@ AHEAD_NS = 500_000_000
 MOST_WAITING = 16
 """Chunks that wait for their time; one more replaces the last of them."""
 
-SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
-"""Shares of the change of speed towards a target that are tried in turn.
-
-They apply to orientation and position if the axes cannot follow the whole change; ``None`` brakes.
-"""
-
 
 class TargetFollower:
     """Follow targets and chunks as they arrive.
@@ -69,8 +65,9 @@ class TargetFollower:
     Attributes:
         is_on: whether targets are followed, or their following is coming to rest.
         hindrance: why the device's axes cannot come closer to the targets; empty if they can.
-        tracker: follows the current target.
-        foresight: prediction of the axes; ``None`` if the device follows any pose.
+        tracker: follows the current target with the tool.
+        joint_tracker: follows it with the axes; ``None`` if the device has none that it can know.
+        limits: limits in force.
     """
 
     def __init__(
@@ -88,12 +85,12 @@ class TargetFollower:
             guard: the last written setpoints.
             cones: keep-out cones of the device.
         """
-        self.is_on = False
-        self.hindrance = ""
+        self.is_on = self._is_of_joints = False
         self.tracker = Tracker(guard.period, cones)
         self._ring, self._chunks = ring, chunks
-        self._guard = guard
-        self.foresight: Foresight | None = None
+        self._guard, self._cones = guard, cones
+        self.joint_tracker: JointTracker | None = None
+        self.limits = NO_LIMITS
         self._next, self._next_chunk = ring.head, chunks.head
         self._waiting: list[Chunk] = []
         self._left_out = 0
@@ -103,96 +100,117 @@ class TargetFollower:
         self._landing: Target | None = None
         self._linear = self._soft_linear = linear_limits_of(NO_LIMITS, guard.period)
 
+    @property
+    def hindrance(self) -> str:
+        """Why the device's axes cannot come closer to the targets; empty if they can."""
+        joints = self._by_joints
+        return "" if joints is None or not self.is_on else joints.hindrance
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether nothing turns, no target lives and none waits for its time."""
+        return (self._by_joints or self.tracker).is_at_rest
+
+    @property
+    def _by_joints(self) -> JointTracker | None:
+        return self.joint_tracker if self._is_of_joints else None
+
+    def make_joint_tracker(
+        self, mechanism: Mechanism, chain: array[float], *, takes_joints: bool
+    ) -> None:
+        """Follow targets with the axes of *mechanism* from now on, see :class:`.JointTracker`."""
+        self.joint_tracker = JointTracker(
+            mechanism,
+            chain,
+            self._guard,
+            self.tracker.guidance,
+            self._cones,
+            takes_joints=takes_joints,
+        )
+
     def begin(self, servo_limits: ServoLimits, joints: Joints = ()) -> None:
         """Begin from the last written setpoint; earlier targets do not count.
 
-        *joints* are close to the axes, rad.  A stop off the path needs none, since it checks no
-        axes.
+        *joints* are close to the axes, rad.  A stop off the path needs none: the tool stops by
+        itself.
+
+        Raises:
+            NotYetError: the axes have no stop from here that keeps every limit.
         """
         guard, h = self._guard, self._guard.period
+        is_of_joints = False
+        if self.joint_tracker is not None and joints:
+            continues = self.is_on and self._is_of_joints
+            self.joint_tracker.begin(servo_limits, self.limits, joints, continues=continues)
+            is_of_joints = True
+        self._is_of_joints = is_of_joints
+        self.limits = servo_limits
         self.tracker.begin(guard.q, guard.omega, guard.alpha, servo_limits)
-        if self.foresight is not None and joints:
-            q = multiply(guard.q, exp(plus(ZERO, guard.omega, -h)))
-            before = q, plus(guard.position, guard.velocity, -h)
-            self.foresight.begin(before, (guard.q, guard.position), joints)
         self._linear = linear_limits_of(servo_limits, h)
         self._soft_linear = softened(self._linear, 0.0)
         self._next, self._next_chunk = self._ring.head, self._chunks.head
         self._waiting.clear()
         clear_report(self._chunks)
-        self.is_on, self.hindrance = True, ""
+        self.is_on = True
 
     def cease(self) -> None:
         """Forget every target, and come to rest."""
         self.tracker.cease()
         self._waiting.clear()
-        self.hindrance = ""
+        if self.joint_tracker is not None:
+            self.joint_tracker.hindrance = ""
 
     def rest(self) -> None:
         """Continue from rest at the last written setpoint."""
         guard = self._guard
         self.tracker.rest(guard.q)
-        if self.foresight is not None:
-            self.foresight.rest((guard.q, guard.position))
+        if self._by_joints is not None:
+            self._by_joints.rest()
 
     def end(self) -> None:
         """Stop following."""
-        self.is_on, self.hindrance = False, ""
+        self.is_on = False
         self._ring.words[HELD_WORD] = 0
 
     def step(
         self, now_ns: int, servo_limits: ServoLimits, *, is_stopping: bool
-    ) -> tuple[TrackPoint, Vector3]:
-        """Return the setpoint of the cycle with deadline *now_ns*, and its position, m.
+    ) -> tuple[TrackPoint, Vector3, Joints]:
+        """Return the setpoint of the cycle with deadline *now_ns*, its position, m, and its joints.
 
-        With *is_stopping* it comes to rest, whatever targets arrive.
+        With *is_stopping* it comes to rest, whatever targets arrive.  Without an arm the setpoint
+        has no joints.
         """
-        guard = self._guard
+        guard, by_joints = self._guard, self._by_joints
         if not is_stopping:
             self._take_targets(now_ns)
             self._take_chunks(now_ns)
-        point = self.tracker.step(now_ns)
-        if self._ring.words[HELD_WORD] != self.tracker.held + 1:
-            self._ring.words[HELD_WORD] = self.tracker.held + 1
-        if self.tracker.preview.is_on:
-            write_distance(self._chunks, self.tracker.behind, self.tracker.preview.lag.seconds)
+        joints: Joints = ()
+        if by_joints is None:
+            point, held = self.tracker.step(now_ns), self.tracker.held
+            position = self._position() or guard.braked_position(servo_limits)
+        else:
+            q, position, joints = by_joints.step(now_ns, is_stopping=is_stopping)
+            omega, _ = guard.rates(q, position)
+            alpha = combine(omega, 1.0 / guard.period, guard.omega, -1.0 / guard.period)
+            point, held = TrackPoint(q, omega, alpha), by_joints.held
+            self.limits = by_joints.limits
+        if self._ring.words[HELD_WORD] != held + 1:
+            self._ring.words[HELD_WORD] = held + 1
+        guidance = self.tracker.guidance
+        if guidance.preview.is_on:
+            write_distance(self._chunks, guidance.behind, guidance.preview.lag.seconds)
             self._write_position_distance()
-        position = self._position() or guard.braked_position(servo_limits)
-        if is_stopping or self.foresight is None:
-            return point, position
-        self.hindrance = self._look_ahead(point.q, position, servo_limits)
-        if not self.hindrance:
-            return point, position
-        even, wanted = plus(guard.position, guard.velocity, guard.period), position
-        braked = guard.braked_position(servo_limits)
-        for turning, moving in SHARES:
-            point, position = self.tracker.ease(turning), braked
-            if moving is not None:
-                position = combine(even, 1.0 - moving, wanted, moving)
-            if not self._look_ahead(point.q, position, servo_limits):
-                return point, position
-        return self.tracker.ease(None), braked
-
-    def _look_ahead(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
-        """Return why the axes cannot follow a setpoint and a stop from it, or an empty string."""
-        if self.foresight is None:
-            return ""
-        if not self.tracker.stops_outside():
-            return "a stop would enter a keep-out cone"
-        guard, (braked, turning) = self._guard, self.tracker.stop_ahead()
-        velocity = combine(position, 1.0 / guard.period, guard.position, -1.0 / guard.period)
-        acceleration = servo_limits.linear_acceleration
-        coming = ComingStop(q, position, velocity, acceleration, braked, turning)
-        return self.foresight.look((guard.q, guard.position), coming)
+        return point, position, joints
 
     def _position(self) -> Vector3 | None:
         """Return the next position, m; ``None`` if it must come to rest anywhere."""
-        place, tracker = self.tracker.place, self.tracker
+        guidance = self.tracker.guidance
+        place = guidance.place
         if place is None:
             return None
         guard, limits, h = self._guard, self._linear, self._guard.period
-        if tracker.end is not None and tracker.end[0].position is not None:
-            target, left = tracker.end
+        if guidance.end is not None and guidance.end[0].position is not None:
+            target, left = guidance.end
             speed = norm(guard.velocity)
             if speed > 0.0 and target != self._landing and target.position is not None:
                 rate = dot(guard.acceleration, guard.velocity) / speed
@@ -221,7 +239,7 @@ class TargetFollower:
 
     def _write_position_distance(self) -> None:
         """Write how far the last setpoint is behind the position of the chunks."""
-        place, lag = self.tracker.place, self.tracker.preview.position_lag
+        place, lag = self.tracker.guidance.place, self.tracker.preview.position_lag
         behind = 0.0
         if place is not None:
             gap = plus(place.position, self._guard.position, -1.0)
@@ -301,8 +319,11 @@ class TargetFollower:
         if not waiting or waiting[0].knots[0].time_ns > now_ns + AHEAD_NS:
             return
         chunk = waiting.pop(0)
-        moving = guard.position, guard.velocity, guard.acceleration
-        self.tracker.take_chunk(chunk.knots, now_ns, moving, has_positions=chunk.has_positions)
+        at = guard.position, guard.velocity, guard.acceleration
+        sent = Motion(guard.q, guard.omega, guard.alpha, *at)
+        self.tracker.guidance.take_chunk(
+            chunk.knots, sent, now_ns - self._period_ns, has_positions=chunk.has_positions
+        )
         write_report(self._chunks, self.tracker.preview)
 
 

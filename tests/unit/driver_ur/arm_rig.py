@@ -58,8 +58,11 @@ class CarelessArm(ArmLoopback):
 class ArmRig(Rig):
     """A servo that follows targets with an arm, and what was sent."""
 
-    def __init__(self, model, joints, *, foresees=True, cones=(), **limits):
-        self.arm, self.start = replace(MODELS[model].arm(), tool=pose_of(TOOL)), joints
+    def __init__(
+        self, model, joints, *, has_axes=True, hardest=40.0, cones=(), tracks=True, **limits
+    ):
+        arm = MODELS[model].arm().slower(hardest)
+        self.arm, self.start = replace(arm, tool=pose_of(TOOL)), joints
         self.q, self.position = self.arm.forward(joints)
         self.limits = ServoLimits(**{**LIMITS, **limits})
         self.hindrances = set()
@@ -67,12 +70,13 @@ class ArmRig(Rig):
             "orientation": dict(zip("wxyz", self.q, strict=True)),
             "position": list(self.position),
         }
-        super().__init__(options, kind=ArmLoopback if foresees else CarelessArm, cones=cones)
+        super().__init__(options, kind=ArmLoopback if has_axes else CarelessArm, cones=cones)
         self.driver.arm, self.driver.joints = self.arm, joints
         self.setpoints = self.driver.setpoints
-        for command in (Command.ENABLE, Command.TRACK):
-            self.ask(command, servo_limits=self.limits)
-        assert self.servo.state is ServoState.TRACKING
+        self.ask(Command.ENABLE)
+        if tracks:
+            self.ask(Command.TRACK, servo_limits=self.limits)
+        assert self.servo.state is (ServoState.TRACKING if tracks else ServoState.HOLDING)
 
     def run(self, cycles=1):
         """Let cycles pass."""

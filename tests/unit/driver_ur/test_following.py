@@ -2,16 +2,20 @@
 
 import os
 import random
-from math import pi, tau
+from dataclasses import replace
+from itertools import pairwise
+from math import dist, pi, tau
 
 import numpy as np
 import pytest
 from arm_rig import ArmRig
+from rig import PERIOD, turn
 
 from orientd.floats import difference, exp, multiply, norm, rotate
 from orientd.keep_out import KeepOut
-from orientd.mechanism.foresight import refusal
-from orientd.stream.records import ServoState
+from orientd.mechanism.mechanism import refusal
+from orientd.stream.records import Answer, Command, ServoState
+from orientd.tolerances import GUARD_TOLERANCE
 from orientd_ur.arm import MODELS
 
 CASES = int(os.environ.get("ORIENTD_CASES", "2"))
@@ -57,6 +61,17 @@ def test_targets_are_followed_on_after_a_stall_of_the_servo():
     assert rig.servo.state is ServoState.TRACKING
 
 
+def test_an_arm_without_a_target_stays_at_rest_after_a_stall_of_the_servo():
+    rig = ArmRig("ur5e", HOME)
+    far = turning(rig.q, (0.0, 0.0, 1.0), 1.4, 2.5)(9.0)
+    rig.follow(lambda _: far, seconds=0.5)
+    assert norm(rig.servo.setpoints.last.omega_body) > 0.5
+    rig.clock.advance(400_000_000)  # the last target expires after 0.3 s
+    rig.run(300)
+    assert rig.servo.state is ServoState.TRACKING
+    assert len({s.q for s in rig.setpoints[-300:]}) == 1
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_wrist_that_is_to_pass_its_singularity_is_held_before_it(way):
     rig = ArmRig("ur5e", HOME)
@@ -99,12 +114,96 @@ def test_a_position_that_is_out_of_reach_is_not_followed_to_the_end():
 
 
 def test_targets_that_the_joints_can_follow_are_followed_as_if_there_were_none():
-    moving, plain = ArmRig("ur5e", HOME), ArmRig("ur5e", HOME, foresees=False)
-    for rig in (moving, plain):
-        start = rig.q
-        rig.follow(lambda t, q=start: multiply(q, exp((0.2 * np.sin(t), 0.0, 0.3 * t))), 3.0)
-    assert not moving.hindrances
-    assert [s.q for s in moving.setpoints] == [s.q for s in plain.setpoints]
+    """Without lag, and as closely as by a device of poses with the same limits."""
+    apart = []
+    for has_axes in (True, False):
+        rig = ArmRig("ur5e", HOME, has_axes=has_axes)
+        begin = rig.clock.now_ns()
+
+        def at(t, q=rig.q):
+            return multiply(q, exp((0.2 * np.sin(t), 0.0, 0.3 * t)))
+
+        rig.follow(at, 3.0)
+        assert not rig.hindrances
+        late = [s for s in rig.setpoints if s.time_ns > begin + 1.5 * SECOND]
+        gaps = [norm(difference(s.q, at((s.time_ns - begin) * 1e-9))) for s in late]
+        apart.append(max(gaps))
+    assert max(apart) < 1e-3
+    assert apart[0] < apart[1] + 2e-4
+
+
+@pytest.mark.parametrize("hardest", [40.0, 20.0, 8.0])
+def test_a_turn_is_made_as_soon_as_the_joints_permit_and_no_limit_is_exceeded(hardest):
+    """Joints that are slow make it longer, but never keep the arm from its target."""
+    rng, limits = random.Random(7), {"velocity": 2.5, "acceleration": 17.0, "jerk": 8500.0}
+    for _ in range(3):
+        joints = tuple(x + rng.uniform(-0.5, 0.5) for x in HOME)
+        rig = ArmRig("ur5e", joints, hardest=hardest, linear_velocity=1.0,
+                     linear_acceleration=10.0, **limits)  # fmt: skip
+        axis = [rng.gauss(0.0, 1.0) for _ in range(3)]
+        target = multiply(rig.q, exp(tuple(0.5 * x / np.linalg.norm(axis) for x in axis)))
+        goal = rig.arm.nearest(target, rig.position, joints)
+        # Each joint alone, from rest to rest, and the tool alone.
+        least = [2.0 * np.sqrt(abs(a - b) / hardest) for a, b in zip(goal, joints, strict=True)]
+        seconds = 1.2 * max(*least, 2.0 * np.sqrt(0.5 / 17.0))
+        rig.follow(lambda _, q=target: q, seconds)
+        assert norm(difference(rig.setpoints[-1].q, target)) < 1e-3
+        assert dist(rig.setpoints[-1].position, rig.position) < 1e-3
+        rig.check()
+
+
+def test_a_position_is_reached_with_linear_limits_that_the_joints_cannot_keep():
+    rig = ArmRig("ur5e", HOME, hardest=20.0, linear_velocity=1.0, linear_acceleration=20.0)
+    x, y, z = rig.position
+    rig.follow(lambda _: rig.q, 2.3, position=lambda t: (x, y, z + min(0.1 * t, 0.2)))
+    assert dist(rig.setpoints[-1].position, (x, y, z + 0.2)) < 1e-3
+    assert not rig.hindrances
+    rig.check()
+
+
+def test_components_of_the_turn_keep_their_own_limits():
+    slow, hard = (1.5, 0.4, 1.5), (8.0, 1.0, 8.0)
+    rig = ArmRig("ur5e", HOME, axis_velocity=slow, axis_acceleration=hard)
+    at = turning(rig.q, (0.6, 0.8, 0.0), 9.0, 0.8)
+    rig.follow(at, 4.0)
+    assert norm(difference(rig.setpoints[-1].q, at(1.0))) < 1e-3
+    poses = [s.q for s in rig.setpoints]
+    rig.check()
+    omega = np.array([difference(a, b) for a, b in pairwise(poses)]) / PERIOD
+    assert np.abs(omega[:, 1]).max() <= 0.4 * GUARD_TOLERANCE
+    assert np.abs(omega[:, 1]).max() > 0.3
+    assert np.abs(np.diff(omega[:, 1])).max() / PERIOD <= 1.0 * GUARD_TOLERANCE
+
+
+def test_lower_limits_hold_as_soon_as_a_stop_keeps_them():
+    rig = ArmRig("ur5e", HOME)
+    rig.follow(turning(rig.q, (0.0, 0.0, 1.0), 1.4, 3.0), 0.6)
+    assert norm(rig.servo.setpoints.last.omega_body) > 1.0
+    slower = replace(rig.limits, velocity=0.5, acceleration=4.0)
+    assert rig.ask(Command.TRACK, motion=2, servo_limits=slower)[0] is Answer.DONE
+    sent = len(rig.setpoints)
+    rig.follow(turning(rig.q, (0.0, 0.0, 1.0), 0.4, 3.0), 2.0)
+    assert rig.servo.state is ServoState.TRACKING
+    speeds = np.array([norm(s.omega_body) for s in rig.setpoints[sent:]])
+    assert (np.diff(speeds[: np.argmax(speeds <= 0.5)]) < 0.02).all()
+    assert speeds[np.argmax(speeds <= 0.5) :].max() <= 0.5 * GUARD_TOLERANCE
+    assert np.argmax(speeds <= 0.5) * PERIOD < 0.4
+    rig.check()
+
+
+@pytest.mark.parametrize("cycles", [150, 400, 700])
+def test_targets_take_over_from_a_path_in_motion_inside_every_limit(cycles):
+    rig = ArmRig("ur5e", HOME, tracks=False)
+    q, *rates = turn(1.2, 2.0, (0.0, 0.6, 0.8))
+    path, still = [multiply(rig.q, tuple(one)) for one in q.tolist()], [rig.position] * len(q)
+    first = rig.lay(np.array(path), *rates, position=still)
+    assert rig.ask(Command.START, path_index=first, servo_limits=rig.limits)[0] is Answer.DONE
+    rig.run(cycles)
+    assert norm(rig.servo.setpoints.last.omega_body) > 0.1
+    assert rig.ask(Command.TRACK, motion=2, servo_limits=rig.limits)[0] is Answer.DONE
+    rig.follow(lambda _: rig.q, 2.0)
+    assert norm(difference(rig.setpoints[-1].q, rig.q)) < 1e-3
+    rig.check()
 
 
 def test_what_the_arm_cannot_do_is_said_by_name():
@@ -180,6 +279,19 @@ def test_an_arm_keeps_out_of_a_cone_inside_the_limits_of_its_joints(way):
     rig.check()
     assert min(cone.clearance(s.q, 0) for s in rig.setpoints) > 0.0
     assert cone.clearance(rig.setpoints[-1].q, 0) > 0.3
+
+
+def test_an_arm_takes_no_step_beside_a_cone_whose_stop_would_enter_it():
+    q, turn_to = ArmRig("ur5e", HOME).q, (0.0, 0.06, 0.6)
+    centre = rotate(multiply(q, exp(tuple(0.6 * x for x in turn_to))), (1.0, 0.0, 0.0))
+    cone = KeepOut("window", centre, half_angle=0.35)
+    rig = ArmRig("ur5e", HOME, cones=(cone,), velocity=2.5, acceleration=17.0, jerk=8500.0,
+                 linear_velocity=1.0, linear_acceleration=10.0)  # fmt: skip
+    x, y, z = rig.position
+    target, place = multiply(q, exp(turn_to)), (x, y - 0.15, z + 0.05)
+    rig.follow(lambda _: target, seconds=1.0, position=lambda _: place)
+    assert rig.servo.state is ServoState.TRACKING
+    assert min(cone.clearance(s.q, 0) for s in rig.setpoints) > 0.0
 
 
 @pytest.mark.parametrize(("way", "waits"), [(1.0, 0.0), (-1.0, 0.3)])

@@ -52,29 +52,43 @@ def make_calls():
 
 
 def follow_arms():
-    """Solve an arm like a UR5e, also calibrated, and foresee what a stop demands of its joints."""
+    """Solve an arm like a UR5e, also calibrated, and move its chain towards a reference."""
     links = [0.16, 0.42, 0.39, 0.13, 0.1, 0.1]
     a, d = [0.0, -0.42, -0.39, 0.0, 0.0, 0.0], [0.16, 0.0, 0.0, 0.13, 0.1, 0.1]
     twist = 0.5 * np.pi * np.array([1.0, 0.0, 0.0, 1.0, -1.0, 0.0])
     table = np.array([np.zeros(6), a, d, np.cos(twist), np.sin(twist)]).T
     own = table + np.array([1e-4, 0.0, 0.0, 0.0, 0.0])
     home, tool = np.array([0.1, -1.4, 1.5, -1.6, -1.5, 0.2]), np.eye(1, 7)[0]
-    limits = np.tile([-6.0, 6.0, 3.0, 40.0], (6, 1))
     for tables in ((table,), (table, own)):
         arm = np.concatenate([links, *(one.ravel() for one in tables)])
-        frames, joints, seconds = np.zeros((6, 7)), np.zeros((8, 6)), np.zeros(8)
+        frames, joints = np.zeros((6, 7)), np.zeros((8, 6))
         kernels.place_arm(arm, True, home, frames)
         kernels.solve_arm(arm, tool, frames[5], joints)
-        pose, still = frames[5], [0.0, 0.0, 0.0]
-        turn = [0.0, 0.0, 1.0, 0.5, 0.0, 0.05, 0.1, 0.05, 100.0]
-        stop = np.array([PERIOD, *pose, 0.1, 0.0, 0.0, 2.0, *pose[:4], *turn])
-        for numbers in (stop, np.array([PERIOD, *pose, *still, 2.0, *pose[:4], *[0.0] * 9])):
-            poses = np.zeros((8, 7))
-            count = kernels.foresee_stop(numbers, seconds, poses)
-            kernels.follow_arm(arm, tool, poses[:count], home, joints)
-            kernels.reserve_arm(arm, joints, np.zeros((8, 3)))
-            last = np.array([home, np.zeros(6)])
-            kernels.first_strain(seconds, joints, last, limits, PERIOD, np.zeros(4))
+        kernels.follow_arm(arm, tool, np.tile(frames[5], (8, 1)), home, joints)
+        kernels.reserve_arm(arm, joints, np.zeros((8, 3)))
+    follow_chain(home)
+
+
+def follow_chain(home):
+    """Take a step of a chain towards joints and along a way, and roll out the stop after it."""
+    axes = np.tile([0.0, 0.0, 1.0, 0.1, 0.2, 0.3], (6, 1))
+    axes[1::2, :3] = [0.0, 1.0, 0.0]
+    chain = np.concatenate([np.eye(1, 7)[0], axes.ravel()])
+    limits = np.tile([-6.0, 6.0, 3.0, 40.0, np.inf], (6, 1))
+    limited = chain, limits, np.full(15, 2.0), PERIOD
+    moving = np.array([home, np.full(6, 0.1), np.zeros(6)])
+    following = np.array([0.9, 20.0, 40.0, 0.16, 0.5, 0.5, 0.5])
+    taken, goal, accelerations = np.zeros(3), np.zeros(6), np.zeros(6)
+    for rows, is_way in ((4, False), (1, False), (1, True)):
+        reference = np.array([home + 0.1 - 0.001 * k for k in range(rows)])
+        kernels.pursue_joints(
+            *limited, moving, reference, is_way, following, taken, goal, accelerations
+        )
+        cones = np.array([[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1]])
+        stop, strain = np.zeros((300, 6)), np.zeros(4)
+        for step in (accelerations, np.full(6, np.nan)):
+            kernels.roll_stop(*limited, moving, np.zeros(9), cones, 0.9, 0.01, step, stop, strain)
+        kernels.brakes_outside(chain, limits, moving[:2], PERIOD, cones)
 
 
 def planned(keys, start, **fields):

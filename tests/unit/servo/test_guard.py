@@ -22,7 +22,7 @@ def stop_off_path(guard, servo_limits):
     follower = TargetFollower(rig.memory.targets, rig.memory.chunks, guard)
     follower.begin(servo_limits)
     while not (follower.tracker.is_at_rest and guard.velocity == ZERO):
-        point, position = follower.step(0, servo_limits, is_stopping=True)
+        point, position, _ = follower.step(0, servo_limits, is_stopping=True)
         guard.take(point.q, position)
         yield point.q, position
 
