@@ -19,7 +19,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 import tempfile
 import time
 import warnings
@@ -348,4 +347,4 @@ def main(share: float, beside: Path | None, write: Path | None, lines: Path | No
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
