@@ -317,7 +317,14 @@ class PlanJob:
                 # The lead of the tool alone turns and moves at paces of their own, and may pass.
                 refusal = error
         try:
-            return followed(lambda pace: find(pace=pace), self.axes, near, self.limits, self.period)
+            return followed(
+                lambda pace: find(pace=pace),
+                self.axes,
+                near,
+                self.limits,
+                self.period,
+                is_moving=not start.is_at_rest,
+            )
         except PlanError as error:
             raise refusal or error from None
 

@@ -43,7 +43,13 @@ _WHOLE = 1e-9  # of a period
 
 
 def followed(
-    find: Callable[[float], LeadIn], axes: Axes, near: Joints, limits: Limits, period: float
+    find: Callable[[float], LeadIn],
+    axes: Axes,
+    near: Joints,
+    limits: Limits,
+    period: float,
+    *,
+    is_moving: bool,
 ) -> LeadIn:
     """Return a lead on the first way on which the axes can keep their limits.
 
@@ -53,12 +59,13 @@ def followed(
         near: their angles where it begins, rad.
         limits: of the tool.
         period: of the device, s.
+        is_moving: whether the device moves where it begins; from rest there is one way.
 
     Raises:
         PlanError: the axes cannot follow any of them; the refusal is that of the shortest.
     """
     refusal: PlanError | None = None
-    for pace in _PACES.tolist():
+    for pace in _PACES.tolist() if is_moving else [1.0]:
         try:
             return _timed(find(pace), axes, near, limits, period)
         except PlanError as error:
