@@ -9,6 +9,7 @@ from __future__ import annotations
 from array import array
 from math import ceil, copysign, floor, inf, sqrt, tau
 
+from orientd import kernels
 from orientd.driver import Joints, Quaternion, Vector3
 from orientd.mechanism.chain import axis_rows
 from orientd.mechanism.mechanism import Mechanism, Rows
@@ -98,8 +99,6 @@ class Following:
             clearance: angle from the tool's axis to the nearest cone at the last setpoint, rad.
             cones: see ``kernels/c/chain.h``.
         """
-        from orientd import kernels
-
         h = self._period
         rates = [(a - b) / h for a, b in zip(joints, last, strict=True)]
         # Every axis turns the tool by at most its own angle.

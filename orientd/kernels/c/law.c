@@ -134,7 +134,8 @@ void halt(const gauges_t *g, const double *v, const double *a, double *found) {
     advance(g, v, a, wanted, loosened(g, v, a), found);
 }
 
-/* The speed from which, without initial acceleration, a stop fits within a way. */
+/* The speed from which, without initial acceleration, a stop fits within a way: half a double S
+ * (Biagiotti and Melchiorri 2008, section 3.4). */
 static double closing_speed(double way, double acceleration, double jerk) {
     double ramp = acceleration * acceleration / jerk;
     if (way * jerk <= acceleration * ramp)
@@ -142,7 +143,7 @@ static double closing_speed(double way, double acceleration, double jerk) {
     return sqrt(0.25 * ramp * ramp + 2.0 * acceleration * way) - 0.5 * ramp;
 }
 
-/* The way of the quickest stop along a line in continuous time, signed. */
+/* The way of the quickest stop along a line in continuous time, signed; by the same double S. */
 static double stopping_way(double speed, double rate, double acceleration, double jerk) {
     double sign = speed + 0.5 * rate * fabs(rate) / jerk < 0.0 ? -1.0 : 1.0;
     speed *= sign, rate *= sign;
