@@ -39,7 +39,6 @@ def pace(
     tool: Sequence[float],
     fixed: tuple[float, float],
     share: float,
-    is_by_pole: bool = False,
 ) -> Floats:
     """Return path times, a period apart, at which the axes can follow a path that is too fast.
 
@@ -53,7 +52,6 @@ def pace(
         fixed: path times between which the pace is fixed; the first one is later than the second
             if there are none.
         share: usable share of the accelerations where the pace is constant.
-        is_by_pole: whether the first axis is fast because of a pole.
 
     Returns:
         Path times a period apart, s, from 0 to the end.
@@ -83,7 +81,7 @@ def pace(
     is_fixed = (times > fixed[0] - 0.5 * grid) & (times < fixed[1] + 0.5 * grid)
     if np.any(is_fixed):
         names = [*(axis.name for axis in axes), "the tool"]
-        advice = f", or a deviation near the pole ({names[0]} needs it there)" if is_by_pole else ""
+        advice = f", or a deviation near the pole ({names[0]} needs it there)"
         limits = fastest[:-1], hardest[:-1]
         _refuse(names, times, is_fixed, (speed[:, :-1], force[:, :-1]), limits, advice)
     if np.all(is_fixed):

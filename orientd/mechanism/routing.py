@@ -8,7 +8,7 @@ is refused with axis, value and time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,10 +22,8 @@ from orientd.mechanism.joint_path import (
     Bounds,
     JointPath,
     ToolLimits,
-    axis_peaks,
     planned,
     refuse_range,
-    refuse_rates,
 )
 from orientd.mechanism.keep_out_slews import Clearance
 from orientd.mechanism.mechanism import Mechanism, Rows, inside
@@ -35,46 +33,45 @@ from orientd.rotation import Floats, check_unit
 _LONGEST_STEP = 0.5
 """Distance in rad; neighbouring samples that are farther apart are on different branches."""
 _STILL = 1e-9
-_TIME_ADVICE = "allow the motion more time, or keep away from singularities"
 _RANGE_ADVICE = "turn less far (a turn by a shorter `--duration`), or unwind it first"
 
 
+def _at(time: float) -> str:
+    return f"at {time:.4f} s"
+
+
 def route(
-    mechanism: Mechanism,
+    gimbal: Gimbal,
     period: float,
     q: Floats,
-    position: Floats,
     *,
     joints: Joints = (),
     before: Sequence[Joints] = (),
     tool: ToolLimits | None = None,
     free: float = 0.0,
 ) -> JointPath:
-    """Return the joint path of a mechanism for a tool path.
+    """Return the joint path of a gimbal for a tool path.
 
     Args:
-        mechanism: kinematics and limits of the axes.
+        gimbal: kinematics and limits of the axes.
         period: of the grid, s.
         q: tool orientations up to rest, shape ``(n, 4)``.
-        position: tool positions, m, shape ``(n, 3)``.
         joints: planned or reported axis angles at the start, rad; empty if unknown.
         before: planned axis angles of the periods before a path that begins in motion, oldest
             first; empty for a path that begins at rest.
         tool: limits of the tool where the axes leave the path or its times; none by default.
-        free: path time up to which the path may stand while a gimbal turns at its pole, s.
+        free: path time up to which the path may stand while the gimbal turns at its pole, s.
 
     Raises:
         LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
-        PlanError: the path is out of reach, or comes too near to a singularity.
+        PlanError: the axes can neither follow the path nor rejoin it.
         StartError: the axes cannot be at the start of the path.
         ValueError: a quaternion is not of unit norm.
     """
-    q, past = check_unit(q), np.reshape(np.array(before), (-1, len(mechanism.axes)))
-    if isinstance(mechanism, Gimbal):
-        start = np.array(mechanism.solve(row_of(q[0]), joints)[0]) if joints else None
-        found = plan_axes(mechanism, q, period, start=start, past=past, tool=tool, free=free)
-        return certify(mechanism, found, q)
-    return _followed(mechanism, period, q, position, joints, past)
+    q, past = check_unit(q), np.reshape(np.array(before), (-1, len(gimbal.axes)))
+    start = np.array(gimbal.solve(row_of(q[0]), joints)[0]) if joints else None
+    found = plan_axes(gimbal, q, period, start=start, past=past, tool=tool, free=free)
+    return certify(gimbal, found, q)
 
 
 def route_at_times(
@@ -132,16 +129,22 @@ def route_at_times(
 
 
 def joints_along(
-    mechanism: Mechanism, period: float, q: Floats, position: Floats, near: Joints
+    mechanism: Mechanism,
+    times: Floats,
+    q: Floats,
+    position: Floats,
+    near: Joints,
+    place: Callable[[float], str] = _at,
 ) -> Floats:
     """Return axis angles along a path, ignoring limits, rad, shape ``(n, axes)``.
 
     Args:
         mechanism: kinematics of the axes.
-        period: of the poses, s.
+        times: of the poses, s, shape ``(n,)``.
         q: tool orientations, shape ``(n, 4)``.
         position: tool positions, m, shape ``(n, 3)``.
         near: axis angles at the start, rad; empty if unknown.
+        place: returns where a path is at a time, in words for a refusal.
 
     Raises:
         PlanError: a pose is out of reach.
@@ -156,7 +159,7 @@ def joints_along(
     found = Rows(len(q), len(mechanism.axes))
     reached = mechanism.follow(poses, near, found, len(q))
     if reached < len(q):
-        raise PlanError(f"the axes do not reach the pose at {reached * period:.4f} s")
+        raise PlanError(f"the axes do not reach the pose {place(float(times[reached]))}")
     return np.array(found.view)
 
 
@@ -174,32 +177,21 @@ def begun(mechanism: Mechanism, q: Quaternion, position: Vector3) -> Joints:
     return min(found, key=lambda one: max(abs(a - b) for a, b in zip(one, middle, strict=True)))
 
 
-def _followed(
-    mechanism: Mechanism,
-    period: float,
-    q: Floats,
-    position: Floats,
-    near: Joints,
-    past: Floats,
-) -> JointPath:
-    """Return the axis angles for every pose exactly, on the initial branch."""
-    axes = mechanism.axes
-    joints = joints_along(mechanism, period, q, position, near)
-    check_way(mechanism, joints, period)
-    refuse_rates(axis_peaks(joints, period, axes, past), _TIME_ADVICE)
-    times = period * np.arange(len(joints), dtype=np.float64)
-    return JointPath(period, joints, q, times)
-
-
 def check_way(
-    mechanism: Mechanism, joints: Floats, period: float, *, is_dense: bool = True
+    mechanism: Mechanism,
+    joints: Floats,
+    times: Floats,
+    place: Callable[[float], str] = _at,
+    *,
+    is_dense: bool = True,
 ) -> None:
     """Check that the axes can go along a path, at whatever pace.
 
     Args:
         mechanism: any but a gimbal, whose axes may also go along it on other turns.
         joints: axis angles along the path, rad, shape ``(n, axes)``.
-        period: time between two rows, s.
+        times: of the rows, s, shape ``(n,)``.
+        place: as for :func:`joints_along`.
         is_dense: whether neighbouring rows are close, unless an axis jumps.
 
     Raises:
@@ -211,15 +203,19 @@ def check_way(
     outside = np.any((joints < low) | (joints > high), axis=1)
     if np.any(outside):
         at = int(np.argmax(outside))
-        refuse_range(joints[at].tolist(), axes, at * period, _RANGE_ADVICE)
+        time, name = float(times[at]), place(float(times[at]))
+        advice = _RANGE_ADVICE if name == _at(time) else f"{name}; {_RANGE_ADVICE}"
+        refuse_range(joints[at].tolist(), axes, time, advice)
     steps = np.abs(np.diff(joints, axis=0))
     if is_dense and len(steps) and np.max(steps) > _LONGEST_STEP:
-        row, place = np.unravel_index(int(np.argmax(steps > _LONGEST_STEP)), steps.shape)
-        raise PlanError(f"{axes[place].name} would have to jump at {(row + 1) * period:.4f} s")
-    _refuse_singular(mechanism, joints, period)
+        row, axis = np.unravel_index(int(np.argmax(steps > _LONGEST_STEP)), steps.shape)
+        raise PlanError(f"{axes[axis].name} would have to jump {place(float(times[row + 1]))}")
+    _refuse_singular(mechanism, joints, times, place)
 
 
-def _refuse_singular(mechanism: Mechanism, joints: Floats, period: float) -> None:
+def _refuse_singular(
+    mechanism: Mechanism, joints: Floats, times: Floats, place: Callable[[float], str]
+) -> None:
     """Raise :class:`.PlanError` if *joints* come too near to a singularity."""
     kinds = mechanism.reserve(tuple(joints[0].tolist())) if len(joints) else ()
     if not kinds:
@@ -232,5 +228,5 @@ def _refuse_singular(mechanism: Mechanism, joints: Floats, period: float) -> Non
         if values[at] < one.least:
             raise PlanError(
                 f"the {one.name} comes within {values[at]:.4f} {one.unit} of its singularity "
-                f"at {at * period:.4f} s, at least {one.least:g} are needed; {one.advice}"
+                f"{place(float(times[at]))}, at least {one.least:g} are needed; {one.advice}"
             )

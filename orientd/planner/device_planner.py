@@ -21,12 +21,14 @@ from orientd.model.request import Frame, MotionRequest
 from orientd.planner.blending import NOT_BLENDED, blend
 from orientd.planner.facts import HISTORY
 from orientd.planner.fitting import Fitting
+from orientd.planner.job import with_axes
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.recorded import RecordedMotion
 from orientd.planner.resolve import at_rate, in_device_coordinates, report_frame
 from orientd.planner.state import State
+from orientd.planner.timing.axes import Axes
 from orientd.rotation import rotate
 from orientd.stream.memory import tuning_text
 
@@ -106,20 +108,24 @@ class DevicePlanner:
         self._check_options(request, mechanism)
         placed, limits = self.placed(request, start), self._limits
 
-        def path_from(state: State) -> Planning:
+        def path_from(state: State, axes: Axes | None = None) -> Planning:
             return partial(
-                plan, start=state, limits=limits, period=self._period, motion_id=motion_id
-            )
+                plan, start=state, limits=limits, period=self._period, motion_id=motion_id,
+                axes=axes,
+            )  # fmt: skip
 
         planning, follow = path_from(start), None
         cones = self._cones(request, unix_ns)
-        if mechanism is not None:
+        if isinstance(mechanism, Gimbal):
             keep_out = () if cones is None else (partial(cones.least, margins=1.0), cones.least)
             fitting = Fitting(
                 mechanism, start, tuple(joints), limits, self._period, before, rates, motion_id,
                 keep_out=keep_out,
             )  # fmt: skip
             planning, follow = partial(_fitted, fitting), fitting.followed
+        elif mechanism is not None:
+            axes = Axes(mechanism, tuple(joints), before, rates)
+            planning, follow = path_from(start, axes), partial(with_axes, axes=axes)
         if cones is None:
             return planning(placed)
         around = Around(
@@ -272,16 +278,8 @@ class DevicePlanner:
         """
         if mechanism is None:
             return motion
-        fitting = Fitting(
-            mechanism,
-            first.state_at(record),
-            first.joints_at(record),
-            self._limits,
-            self._period,
-            first.joints_before(record),
-            first.joint_rates_at(record),
-        )
-        return fitting.fitted(motion)
+        joints, before = first.joints_at(record), first.joints_before(record)
+        return with_axes(motion, Axes(mechanism, joints, before, first.joint_rates_at(record)))
 
     def _check_options(self, request: MotionRequest, mechanism: Mechanism | None) -> None:
         """Check the driver's options of this motion."""
@@ -321,8 +319,8 @@ def _check_home(mechanism: Mechanism | None) -> None:
 
 def _turned_back(request: MotionRequest, fitting: Fitting) -> str:
     """Return where a keyframe lets a gimbal turn the longer way; empty if none does."""
-    mechanism = fitting.mechanism
-    if not isinstance(mechanism, Gimbal) or request.is_single:
+    mechanism = fitting.gimbal
+    if request.is_single:
         return ""
     joints = fitting.joints or mechanism.home()
     for index, keyframe in enumerate(request.keyframes):
@@ -346,8 +344,8 @@ def _turned_back(request: MotionRequest, fitting: Fitting) -> str:
 
 def _with_roll_of_axes(request: MotionRequest, fitting: Fitting) -> MotionRequest | None:
     """Return *request* with a free roll replaced by the one that a gimbal's axes give it."""
-    mechanism = fitting.mechanism
-    if not isinstance(mechanism, Gimbal) or mechanism.is_pointing:
+    mechanism = fitting.gimbal
+    if mechanism.is_pointing:
         return None
     free = [k for k, keyframe in enumerate(request.keyframes) if keyframe.free_roll]
     if not free:

@@ -5,7 +5,11 @@ The daemon reads them from its planners, and has no use for NumPy otherwise: it 
 
 from __future__ import annotations
 
-from orientd.errors import PlanError
+from orientd.errors import LimitError, PlanError
+
+
+class AxisLimitError(LimitError):
+    """An axis of the device exceeds a limit: no lower limit of the tool helps."""
 
 
 class LeadError(PlanError):

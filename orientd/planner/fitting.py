@@ -1,7 +1,7 @@
-"""Plans on the path that the axes of a device can follow, as fast as the axes allow.
+"""Plans on the path that the axes of a gimbal can follow, as fast as the axes allow.
 
-A motion of an arm is timed for the tool and its axes at once, and so is one of a gimbal from rest
-away from its poles.
+A motion from rest away from the poles is timed for the tool and the axes at once, as the motions of
+all other devices are.
 
 Other motions are planned for the tool first.  If the axes cannot follow a path and the user set no
 times, the motion slows down where an axis needs it.  If that does not fit, the whole motion is
@@ -16,13 +16,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import cast
 
 import numpy as np
 
 from orientd.driver import AxisLimits, Joints
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
-from orientd.mechanism import Gimbal, Mechanism
+from orientd.mechanism import Gimbal
 from orientd.mechanism.arrays import matrices, orientations, outer_line
 from orientd.mechanism.gimbal_route import pointing_error
 from orientd.mechanism.joint_path import JointPath, ToolLimits
@@ -56,7 +55,7 @@ _SHARES = (0.8, 0.5)
 """Usable share of the accelerations for a nearly constant pace; less leaves more for changes."""
 _BEYOND = 0.1
 """How far beyond a lead-in the search for its pace looks, s."""
-_FINEST, _FINEST_OF_LEAD, _FINEST_OF_ARM, _MOST_SAMPLES = 16, 64, 1, 40_000
+_FINEST, _FINEST_OF_LEAD, _MOST_SAMPLES = 16, 64, 40_000
 """Samples per cycle and in total of the search for a pace: near a pole axes turn quickly.
 
 A lead-in to times of the user is short and may pass very close to the pole.
@@ -84,10 +83,10 @@ _ATTEMPTS = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitting:
-    """Planner for a device, on the path that its axes follow.
+    """Planner for a gimbal, on the path that its axes follow.
 
     Attributes:
-        mechanism: kinematics and limits of the axes.
+        gimbal: kinematics and limits of the axes.
         start: the commanded state of the device.
         joints: axis angles there, rad.
         limits: the device's.
@@ -100,7 +99,7 @@ class Fitting:
         keep_out: as for :func:`.route_at_times`.
     """
 
-    mechanism: Mechanism
+    gimbal: Gimbal
     start: State
     joints: Joints
     limits: Limits
@@ -121,12 +120,10 @@ class Fitting:
         home = self.by_way(request)
         if home is not None:
             return home
-        # An arm's motion for the tool alone is made only where that is needed.
-        motion = self.planned(request) if isinstance(self.mechanism, Gimbal) else None
+        motion = self.planned(request)
         at_once = self._at_once(request, motion)
         if at_once is not None:
             return at_once
-        motion = motion or self.planned(request)
         try:
             found = self.followed(motion)
         except PlanError as error:
@@ -138,42 +135,37 @@ class Fitting:
         if way is not None:
             return way
         # A motion with times of the user may stand only before its first keyframe.
-        is_gimbal = isinstance(self.mechanism, Gimbal)
         free = math.inf if request.times is None else motion.start_time
         is_later = isinstance(refusal, LimitError) and refusal.time > free
-        if is_gimbal and free > 0.0 and not is_later and not self._keeps_times(motion):
+        if free > 0.0 and not is_later and not self._keeps_times(motion):
             with suppress(PlanError):
                 return replace(self, free=free).followed(motion)
         raise refusal
 
-    def _at_once(self, request: MotionRequest, tool: Motion | None) -> Motion | None:
+    def _at_once(self, request: MotionRequest, tool: Motion) -> Motion | None:
         """Return the motion that is timed for tool and axes at once, if they can follow it.
 
-        Near a pole the axes of a gimbal may leave its path.
+        Near a pole the axes may leave its path.
 
         Args:
-            tool: the motion for the tool alone, of a gimbal.
+            tool: the motion for the tool alone.
         """
-        if not self.joints:
+        is_moving, is_timed = not self.start.is_at_rest, request.times is not None
+        if not self.joints or is_moving or is_timed or self._is_near_pole(tool):
             return None
-        if tool is not None:
-            is_moving, is_timed = not self.start.is_at_rest, request.times is not None
-            if is_moving or is_timed or self._is_near_pole(tool):
-                return None
         try:
-            found = self.fitted(self.planned(request, Axes(self.mechanism, self.joints)))
+            found = self.fitted(self.planned(request, Axes(self.gimbal, self.joints)))
         except PlanError:
             # The tool's own lead-in may pass elsewhere, where the axes can.
             return None
-        longer = 1.0 if tool is None else found.duration / tool.duration
+        longer = found.duration / tool.duration
         return found.noted(_slower(longer)) if longer > _HARDLY else found
 
     def _is_near_pole(self, tool: Motion) -> bool:
-        """Return whether a motion of a gimbal's tool comes near a pole."""
-        gimbal = cast("Gimbal", self.mechanism)
+        """Return whether a motion of the tool comes near a pole."""
         times = tool.period * np.arange(tool.record_count, dtype=np.float64)
-        _, distance = outer_line(gimbal, matrices(gimbal, tool.sample(times).q))
-        return gimbal.is_pointing or float(np.min(distance)) < _FAR_FROM_POLE
+        _, distance = outer_line(self.gimbal, matrices(self.gimbal, tool.sample(times).q))
+        return self.gimbal.is_pointing or float(np.min(distance)) < _FAR_FROM_POLE
 
     def _without_detour(self, motion: Motion, found: Motion) -> Motion:
         """Return the turn of all axes together if the path of *motion* takes them longer.
@@ -183,7 +175,7 @@ class Fitting:
         Raises:
             PlanError: it takes much longer, and the device moves: the axes turn together from rest.
         """
-        if not isinstance(self.mechanism, Gimbal) or found.duration < _LONG * motion.duration:
+        if found.duration < _LONG * motion.duration:
             return found
         is_moving = not self.start.is_at_rest
         here = State.at_rest(self.start.q, self.start.position)
@@ -191,7 +183,7 @@ class Fitting:
         way = None
         with suppress(PlanError):
             way = replace(self, start=here, before=(), rates=()).by_way(motion.request, reason)
-        least = 1.0 if self.mechanism.allow_slews and not is_moving else _DETOUR
+        least = 1.0 if self.gimbal.allow_slews and not is_moving else _DETOUR
         if way is None or least * way.duration > found.duration:
             return found
         if is_moving:
@@ -346,28 +338,24 @@ class Fitting:
         is_lead: bool = False,
     ) -> Floats:
         """Return the path times of the pace that the axes need for *span*."""
-        mechanism, period, (begin, end) = self.mechanism, motion.period, span
+        gimbal, period, (begin, end) = self.gimbal, motion.period, span
         cycles = math.ceil((end - begin) / period - 1e-9)
-        is_gimbal = isinstance(mechanism, Gimbal)
-        finest = (_FINEST_OF_LEAD if is_lead else _FINEST) if is_gimbal else _FINEST_OF_ARM
+        finest = _FINEST_OF_LEAD if is_lead else _FINEST
         finest = min(finest, max(1, _MOST_SAMPLES // (cycles + 1)))
         grid = period / finest
-        samples = motion.sample(begin + grid * np.arange(cycles * finest + 1))
-        q, position = samples.q, samples.position
-        joints = joints_along(mechanism, grid, q, position, self.joints)
-        if isinstance(mechanism, Gimbal):
-            q = orientations(mechanism, joints)
+        times: Floats = begin + grid * np.arange(cycles * finest + 1, dtype=np.float64)
+        samples = motion.sample(times)
+        joints = joints_along(gimbal, times, samples.q, samples.position, self.joints)
         velocity, acceleration, _ = _tool(motion.limits)
         linear = motion.limits.linear_velocity, motion.limits.linear_acceleration
         path_times = pace(
-            mechanism.axes,
-            (joints, q, position),
+            gimbal.axes,
+            (joints, orientations(gimbal, joints), samples.position),
             period,
             grid=grid,
             tool=(velocity, acceleration, *linear),
             fixed=(fixed[0] - begin, fixed[1] - begin),
             share=share,
-            is_by_pole=is_gimbal,
         )
         return np.minimum(begin + path_times, end)
 
@@ -377,7 +365,7 @@ class Fitting:
         *refusal* is the reason why the axes cannot follow the shortest turn, if that was tried.
         """
         is_homing = bool(request.device_options.get("home"))
-        if not isinstance(self.mechanism, Gimbal) or not (is_homing or refusal is not None):
+        if not (is_homing or refusal is not None):
             return None
         is_moving = not self.start.is_at_rest
         if not (request.is_single and self.joints) or (is_moving and refusal is not None):
@@ -387,7 +375,7 @@ class Fitting:
             return None
         turn = partial(
             together,
-            self.mechanism,
+            self.gimbal,
             self.joints,
             None if is_homing else keyframe.q,
             period=self.period,
@@ -409,7 +397,7 @@ class Fitting:
         motion = self.planned(replace(request, keyframes=[goal], duration=None, pace=None))
         share = motion.duration / path.path_times[-1]
         motion = reshaped(
-            motion, replace(path, path_times=share * path.path_times), self.mechanism.axes
+            motion, replace(path, path_times=share * path.path_times), self.gimbal.axes
         )
         if refusal is None:
             return motion
@@ -425,7 +413,7 @@ class Fitting:
         if not self._keeps_times(motion):
             return self._reshaped(motion, self._routed(motion, grid))
         path = route_at_times(
-            cast("Gimbal", self.mechanism),
+            self.gimbal,
             motion.period,
             motion.sample(grid).q,
             (motion.start_time, motion.end_time),
@@ -438,18 +426,14 @@ class Fitting:
 
     def _keeps_times(self, motion: Motion) -> bool:
         """Return whether the axes leave the path of *motion* rather than let it wait for them."""
-        mechanism = self.mechanism
-        is_timed = motion.request.times is not None
-        return is_timed and isinstance(mechanism, Gimbal) and mechanism.allow_slews
+        return motion.request.times is not None and self.gimbal.allow_slews
 
     def _routed(self, motion: Motion, path_times: Floats) -> JointPath:
         """Return the path of the axes along *motion* at *path_times*, cycle by cycle."""
-        samples = motion.sample(path_times)
         return route(
-            self.mechanism,
+            self.gimbal,
             motion.period,
-            samples.q,
-            samples.position,
+            motion.sample(path_times).q,
             joints=self.joints,
             before=self.before,
             tool=_tool(motion.limits),
@@ -457,16 +441,16 @@ class Fitting:
         )
 
     def _reshaped(self, motion: Motion, path: JointPath) -> Motion:
-        axes = self.mechanism.axes
+        axes = self.gimbal.axes
         rates = self._rates(motion, path)
         found = reshaped(
             motion, path, axes, joints_before=self.before, joint_rates=self.rates, rates=rates
         )
-        if not (isinstance(self.mechanism, Gimbal) and self.mechanism.is_pointing):
+        if not self.gimbal.is_pointing:
             return found
         # Only the direction counts, with whatever roll the axes give it.
         reached = found.sample(found.keyframe_times).q
-        error = float(np.max(pointing_error(self.mechanism, reached, found.request.keys)))
+        error = float(np.max(pointing_error(self.gimbal, reached, found.request.keys)))
         return replace(found, certificate=replace(found.certificate, keyframe_error=error))
 
     def _rates(self, motion: Motion, path: JointPath) -> Floats | None:
@@ -475,21 +459,20 @@ class Fitting:
         They are those of the path itself; ``None`` if the axes leave it.
         """
         times, step = path.path_times, _NEAR * motion.period
-        if isinstance(self.mechanism, Gimbal):
-            off = angle(path.q, motion.sample(np.minimum(times, motion.duration)).q)
-            if self.mechanism.is_pointing or float(np.max(off)) > SAME_ANGLE:
-                return None
+        off = angle(path.q, motion.sample(np.minimum(times, motion.duration)).q)
+        if self.gimbal.is_pointing or float(np.max(off)) > SAME_ANGLE:
+            return None
         around = np.clip(times[:, None] + [-step, step], 0.0, motion.duration)
-        samples = motion.sample(around.ravel())
+        beside = around.ravel()
+        samples = motion.sample(beside)
         near = self.joints or tuple(path.joints[0].tolist())
-        joints = joints_along(self.mechanism, step, samples.q, samples.position, near)
+        joints = joints_along(self.gimbal, beside, samples.q, samples.position, near)
         change = np.diff(joints.reshape(len(times), 2, -1), axis=1)[:, 0]
         spans = np.diff(around, axis=1)
         rates = np.divide(change, spans, out=np.zeros_like(change), where=spans > 0.0)
         rates *= np.gradient(times)[:, None] / motion.period
-        if isinstance(self.mechanism, Gimbal):
-            # On the other branch the inner axes turn the other way.
-            rates *= np.where(np.sum(rates * np.gradient(path.joints, axis=0), axis=0) < 0.0, -1, 1)
+        # On the other branch the inner axes turn the other way.
+        rates *= np.where(np.sum(rates * np.gradient(path.joints, axis=0), axis=0) < 0.0, -1, 1)
         rates[-1] = 0.0
         if self.start.is_at_rest:
             rates[0] = 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -23,7 +24,7 @@ from orientd.planner.connect.connector import turn_to_stop
 from orientd.planner.connect.leads import (
     MOST_SHARE,
     SAME_PLACE,
-    LeadIn,
+    Lead,
     join_in,
     lead_in,
     lead_out,
@@ -101,7 +102,7 @@ class PlanJob:
     lead_share: float
     notes: tuple[str, ...] = ()
     axes: Axes | None = None
-    _leads: dict[tuple[bytes, float], LeadIn] = field(default_factory=dict)
+    _leads: dict[tuple[bytes, float], Lead] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -247,7 +248,7 @@ class PlanJob:
         first = start.position, start.velocity, start.acceleration
         return position_path(times[kept], given, self.halt.last, first)
 
-    def lead_to(self, first: State, share: float = 1.0) -> LeadIn:
+    def lead_to(self, first: State, share: float = 1.0) -> Lead:
         """Return the lead-in to a state at the first keyframe.
 
         Args:
@@ -287,7 +288,7 @@ class PlanJob:
         share: float = 1.0,
         least: float = 0.0,
         near: Joints = (),
-    ) -> LeadIn:
+    ) -> Lead:
         """Return the lead-in from one state to another.
 
         Args:
@@ -323,7 +324,7 @@ class PlanJob:
                 near,
                 self.limits,
                 self.period,
-                is_moving=not start.is_at_rest,
+                has_one_way=is_rested,
             )
         except PlanError as error:
             raise refusal or error from None
@@ -337,7 +338,7 @@ class PlanJob:
         share: float,
         least: float,
         pace: float = 1.0,
-    ) -> LeadIn:
+    ) -> Lead:
         """Return the lead-in of the tool alone, at a share of its pace."""
         limits, own = self.limits, self.own
         if pace < 1.0:
@@ -372,12 +373,12 @@ class PlanJob:
         )
         return quickest(path, within, self.period, has_rests=True, axes=axes), axes.end
 
-    def _straight_lead(self, start: State, end: State, near: Joints) -> LeadIn:
+    def _straight_lead(self, start: State, end: State, near: Joints) -> Lead:
         """Return the straight way from rest to rest elsewhere as a lead-in."""
         path, joints = self.straight(start, end, near)
         cycles = math.ceil(path.duration / self.period - _END_SLACK)
         path = path.slowed(cycles * self.period)
-        return LeadIn((path.trajectory,), cycles, path.positions, joints)
+        return Lead((path.trajectory,), cycles, path.positions, joints)
 
     def axes_along(self, path: KeyframePath) -> AxisPath:
         """Return the axes along a path through the keyframes, if the timing regards them.
@@ -387,7 +388,8 @@ class PlanJob:
         """
         if self.axes is None:
             return NO_AXES
-        return self.axes.along(path, self.joints_at(path.first), self.limits, self.period)
+        near, place = self.joints_at(path.first), partial(refusal.between, path.times)
+        return self.axes.along(path, near, self.limits, self.period, place=place)
 
     def joints_at(self, first: State) -> Joints:
         """Return the axis angles at the first keyframe, rad; none if the timing disregards them.
@@ -399,13 +401,38 @@ class PlanJob:
             return () if self.axes is None else self.axes.joints
         return self.lead_to(State.at_rest(first.q, first.position)).joints
 
-    def leads_out(self, last: State, end: float, share: float = 1.0) -> list[Trajectory]:
+    def stop_from(self, state: State, near: Joints, share: float) -> Lead:
+        """Return the lead-out from a moving state to rest.
+
+        Args:
+            state: its position is at rest.
+            near: axis angles there, rad; none if the timing disregards them.
+            share: of acceleration and jerk.
+
+        Raises:
+            PlanError: none keeps the limits.
+        """
+
+        def lead(pace: float) -> Lead:
+            within = self.limits.slowed(pace) if pace < 1.0 else self.limits
+            found = lead_out(state, limits=within, period=self.period, share=share)
+            held = PositionPath.held(state.position)
+            return Lead((found,), round(found.duration / self.period), held)
+
+        if self.axes is None:
+            return lead(1.0)
+        return followed(lead, self.axes, near, self.limits, self.period)
+
+    def leads_out(
+        self, last: State, end: float, share: float, near: Callable[[], Joints]
+    ) -> list[Trajectory]:
         """Return the lead-out from a state at a path time; empty if it is at rest.
 
         Args:
             last: the state.
             end: the path time, s.
             share: multiple of the usual share of acceleration and jerk.
+            near: returns the axis angles there, rad.
 
         Raises:
             LeadError: no lead-out keeps the limits.
@@ -414,10 +441,10 @@ class PlanJob:
             return []
         try:
             used = min(share * self.lead_share, MOST_SHARE)
-            lead = lead_out(last, limits=self.limits, period=self.period, share=used)
+            parts = self.stop_from(last, near(), used).parts
         except PlanError as error:
             raise LeadError(f"no lead-out from the last keyframe: {error}") from error
-        return [lead.shifted(end)]
+        return [one.shifted(end) for one in parts]
 
     def with_leads(self, path: KeyframePath | State, share: float = 1.0) -> KeyframePath:
         """Return the whole path around a keyframe path, from rest to rest.
@@ -442,7 +469,7 @@ class PlanJob:
         if isinstance(path, State):
             if lead is None:
                 raise ValueError("a single keyframe needs a lead-in")
-            parts += self.leads_out(path, begin, share)
+            parts += self.leads_out(path, begin, share, lambda: lead.joints)
             return KeyframePath(Trajectory.joined(parts), lead.positions, np.array([begin]))
         core, positions, notes = path.trajectory, path.positions, path.notes
         if lead is not None:
@@ -458,7 +485,10 @@ class PlanJob:
                         f"{self.request.method} does not begin at rest",
                     )
         parts.append(core.shifted(begin) if begin else core)
-        parts += self.leads_out(end_states(path.trajectory)[1], begin + path.duration, share)
+        last, place = end_states(path.trajectory)[1], path.positions.last
+        last = State(last.q, last.omega_body, last.alpha_body, place)
+        end = begin + path.duration
+        parts += self.leads_out(last, end, share, lambda: self.axes_along(path).end)
         return KeyframePath(Trajectory.joined(parts), positions, path.times + begin, notes)
 
     def _joint(self, path: KeyframePath) -> Trajectory | None:
@@ -481,7 +511,9 @@ class PlanJob:
         Raises:
             LimitError: it breaks one.
         """
-        motion = certified(whole, self.request, self.start, self.own, self.period, motion_id=name)
+        motion = certified(
+            whole, self.request, self.start, self.own, self.period, motion_id=name, axes=self.axes
+        )
         return motion.noted(*self.notes, *whole.notes)
 
 
@@ -493,18 +525,24 @@ def certified(
     period: float,
     *,
     motion_id: str,
+    axes: Axes | None = None,
 ) -> Motion:
     """Return the motion along a path, checked against its limits on the records to be sent.
 
     Args:
         whole: from rest to rest, or from the state of the motion that it takes over.
+        axes: of the device, whose limits are checked too if they keep to the path.
 
     Raises:
         LimitError: it breaks one.
+        PlanError: the axes cannot go along it.
     """
-    path = Path.joined([whole.trajectory], whole.positions, start.q)
+    path: Path | RecordedPath = Path.joined([whole.trajectory], whole.positions, start.q)
     count = math.ceil(path.duration / period - _END_SLACK) + 1
     begin, end = whole.times[[0, -1]].tolist()
+    records = None
+    if axes is not None and axes.keep_to_path and isinstance(path, Path):
+        path, records = axes.recorded(path, count, period)
     return Motion(
         id=motion_id,
         request=request,
@@ -515,9 +553,38 @@ def certified(
         end_time=end,
         keyframe_times=whole.times,
         record_count=count,
-        certificate=certificate_of(path, count, whole.times, request, start, limits, period),
+        certificate=certificate_of(
+            path, count, whole.times, request, start, limits, period, records
+        ),
+        first_joints=() if records is None else records.first,
+        last_joints=() if records is None else records.last,
         before=start.before,
     )
+
+
+def with_axes(motion: Motion, axes: Axes) -> Motion:
+    """Return the motion of a tool with the axes of a device on its path.
+
+    Raises:
+        LimitError: an axis breaks a limit.
+        PlanError: the axes cannot go along it.
+        ValueError: *motion* already has a path of the axes.
+    """
+    if not isinstance(motion.path, Path):
+        raise ValueError("motion already has a path of the axes")
+    count, period, times = motion.record_count, motion.period, motion.keyframe_times
+    path, records = axes.recorded(motion.path, count, period)
+    certificate = certificate_of(
+        path, count, times, motion.request, motion.start_state, motion.limits, period, records
+    )
+    found = replace(
+        motion,
+        path=path,
+        certificate=certificate,
+        first_joints=records.first,
+        last_joints=records.last,
+    )
+    return found.noted(*motion.certificate.notes)
 
 
 def certificate_of(

@@ -20,7 +20,7 @@ from orientd.model.limits import ANGULAR, PERIODS, UNITS, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
 from orientd.planner.connect.leads import SAME_PLACE, approach
-from orientd.planner.errors import LeadError
+from orientd.planner.errors import AxisLimitError, LeadError
 from orientd.planner.job import WITHOUT_RESERVE, PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
@@ -261,6 +261,8 @@ def _certified(made: _Made, name: str) -> Motion:
             is_last = is_late if is_in_lead else is_fixed
             is_stop = is_in_lead and error.kind is LimitKind.TIME
             is_known = is_stop or error.unit in _QUANTITIES
+            # No limit of the tool is as low as the one of an axis that would help.
+            is_known = is_known and not isinstance(error, AxisLimitError)
             if is_last or not 1.0 < over < math.inf or not is_known:
                 raise
             if not is_in_lead:
@@ -308,7 +310,9 @@ def _attempts(job: PlanJob, *, is_again: bool) -> list[list[_Attempt]]:
     else:
         # Single moves have no even pace, and connectors with rests are about as fast.
         is_enough = job.is_even or resting.can_rest(job)
-        groups[0] += next_to_ends if is_enough else next_to_ends + rests
+        near = next_to_ends if is_enough else next_to_ends + rests
+        # Leads that the axes follow take long to find.
+        groups = [groups[0] + near, *groups[1:]] if job.axes is None else [*groups, near]
     groups.append(rests)
     if request.total is not None and moves:
         waiting = partial(resting.waiting, job, plan_it=_fastest)
@@ -442,7 +446,8 @@ def _at_even_pace(job: PlanJob, limits: Limits) -> KeyframePath:
         refusal.check_duration(total)
         return curve(total)
     if not job.has_one_shape:
-        found = evenly_made(curve, guess, limits, job.period)
+        made = evenly_made(curve, guess, limits, job.period, axes_along=job.axes_along)
+        found = None if made is None else made[0]
     else:
         path, intervals = curve(guess), len(knots.kept) - 1
         axes = job.axes_along(path)
@@ -455,11 +460,13 @@ def _at_even_pace(job: PlanJob, limits: Limits) -> KeyframePath:
 def _along_usual_curve(job: PlanJob, limits: Limits) -> KeyframePath:
     """Return the fastest timing of a curve with a velocity at an end, which fixes its shape."""
     total, (knots, guess) = job.request.total, job.knots(is_quick=False)
-    path = evenly_made(partial(job.path, knots), guess, job.limits, job.period)
-    if path is None:
+    make = partial(job.path, knots)
+    found = evenly_made(make, guess, job.limits, job.period, axes_along=job.axes_along)
+    if found is None:
         raise refusal.of_any_duration(job.start, job.limits)
+    path, axes = found
     refusal.check_smooth(job.request, path.trajectory.continuity)
-    quick = quickest(path, limits, job.period, axes=job.axes_along(path))
+    quick = quickest(path, limits, job.period, axes=axes)
     if total is None:
         return quick if any(job.ends.moves[:1]) else resting.ended_at_record(quick, job.period)
     if not quick.is_from_rest_to_rest:

@@ -15,7 +15,7 @@ from orientd.model.request import DEFAULT_METHOD, MotionRequest, Pace
 from orientd.planner.certify.brake import longest_stop_beside, longest_stop_from
 from orientd.planner.certify.certificate import Peak
 from orientd.planner.certify.measuring import Peaks
-from orientd.planner.errors import TotalError
+from orientd.planner.errors import AxisLimitError, TotalError
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
@@ -26,6 +26,10 @@ SAME_POSITION = 1e-6  # m
 SAME_VELOCITY = 1e-6  # rad/s
 SAME_ACCELERATION = 1e-4  # of the limit
 _ROUNDING = 1e-6  # relative, of a peak against its limit
+_ROOM = 1.02  # times the shortest duration that is suggested
+
+_POWERS = {LimitKind.VELOCITY: 1, LimitKind.ACCELERATION: 2, LimitKind.JERK: 3}
+"""Exponents by which rates fall when a motion takes longer."""
 
 _QUANTITIES = {
     "velocity": "angular velocity",
@@ -177,12 +181,22 @@ class Place:
             return "in the lead-in"
         if time > self.end:
             return "in the lead-out"
-        index = int(np.searchsorted(self.times, time, side="right")) - 1
-        index = max(min(index, len(self.times) - 2), 0)
-        place = f"between keyframes[{index}] and keyframes[{index + 1}]"
+        place = between(self.times, time)
         if self.request.times is None:
             return place
         return f"{place}, at {time - self.begin + self.request.times[0]:.6g} s of their time"
+
+
+def between(times: Floats, time: float) -> str:
+    """Return between which keyframes a path is.
+
+    Args:
+        times: path times of the keyframes, s.
+        time: of the path, s.
+    """
+    index = int(np.searchsorted(times, time, side="right")) - 1
+    index = max(min(index, len(times) - 2), 0)
+    return f"between keyframes[{index}] and keyframes[{index + 1}]"
 
 
 def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
@@ -239,7 +253,7 @@ def check_limits(peaks: Peaks, place: Place) -> None:
                 ratio = peak.ratio if math.isfinite(peak.ratio) else math.inf
                 broken.append((ratio, name, axis, peak))
     if not broken:
-        _check_axes(peaks)
+        _check_axes(peaks, place)
         return
     _, name, axis, peak = max(broken, key=lambda entry: entry[0])
     advice = place.name(peak.time)
@@ -252,14 +266,33 @@ def check_limits(peaks: Peaks, place: Place) -> None:
     )  # fmt: skip
 
 
-def _check_axes(peaks: Peaks) -> None:
-    """Raise :class:`.LimitError` for the first axis of the device that breaks a limit."""
-    for kind, axis, value, limit, time in peaks.axes:
-        if not value <= limit * GUARD_TOLERANCE:
-            raise LimitError(
-                f"{kind.value} of {axis.name}", value, limit, time,
-                UNITS[kind.value], "between two records; allow it more time", kind=kind,
-            )  # fmt: skip
+def _check_axes(peaks: Peaks, place: Place) -> None:
+    """Raise :class:`.AxisLimitError` for the axis of the device that breaks a limit most."""
+    # Written so that a NaN counts as broken.
+    needs = [
+        0.0 if value <= limit * GUARD_TOLERANCE else _longer(kind, value / limit)
+        for kind, _, value, limit, _ in peaks.axes
+    ]
+    if not any(needs):
+        return
+    longer = max(needs)
+    kind, axis, value, limit, time = peaks.axes[needs.index(longer)]
+    advice = (
+        "at a record or between two records; allow the motion more time, or keep away from "
+        "singularities"
+    )
+    if place.request.times is not None and place.begin <= time <= place.end:
+        lasts = place.end - place.begin
+        advice = f"{_ROOM * longer * lasts:.1f} s in place of {lasts:.1f} s would do"
+    raise AxisLimitError(
+        f"{kind.value} of {axis.name}", value, limit, time, UNITS[kind.value],
+        f"{place.name(time)}; {advice}", kind=kind,
+    )  # fmt: skip
+
+
+def _longer(kind: LimitKind, over: float) -> float:
+    """Return the factor by which a motion must take longer for a rate to fall by a factor."""
+    return over ** (1.0 / _POWERS[kind]) if math.isfinite(over) else math.inf
 
 
 def check_stop(peaks: Peaks, place: Place, limits: Limits) -> None:

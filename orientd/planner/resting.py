@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +17,7 @@ from orientd.model.limits import Limits
 from orientd.model.request import DEFAULT_METHOD, Keyframe
 from orientd.planner import refusal
 from orientd.planner.connect.connector import hold, turn_to_stop
-from orientd.planner.connect.leads import SAME_PLACE, approach, lead_out, straight
+from orientd.planner.connect.leads import SAME_PLACE, approach, straight
 from orientd.planner.job import PlanJob
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath
@@ -309,8 +308,12 @@ def _connectors(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, Flo
     starts, ends = job.ends.moves
     keys, (begin, end) = job.request.keys[first : last + 1], states_at_ends(job)
     here, there = (State.at_rest(keys[at], job.halt.last) for at in (0, -1))
-    head = job.connected(begin, here).parts[0] if starts else None
-    tail = job.connected(there, end).parts[0] if ends else None
+    near, head, tail = job.joints_at(begin), None, None
+    if starts:
+        lead = job.connected(begin, here, near=near)
+        head, near = Trajectory.joined(lead.parts), lead.joints
+    if ends:
+        tail = Trajectory.joined(job.connected(there, end, near=near).parts)
     return head, tail, keys
 
 
@@ -323,11 +326,15 @@ def _stops_at_ends(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, 
     if job.is_taken_over:
         raise PlanError("a position that moves does not wait for the tool to brake")
     begin, end = states_at_ends(job)
-    find = partial(lead_out, limits=job.limits, period=job.period)
     starts, ends = job.ends.moves
-    stop = find(begin, share=job.share_from(begin)) if starts else None
-    mirrored = replace(end, omega_body=-end.omega_body)
-    run_up = find(mirrored, share=job.lead_share).reversed() if ends else None
+    near, stop, run_up = job.joints_at(begin), None, None
+    if starts:
+        lead = job.stop_from(begin, near, job.share_from(begin))
+        stop, near = Trajectory.joined(lead.parts), lead.joints
+    if ends:
+        mirrored = replace(end, omega_body=-end.omega_body)
+        lead = job.stop_from(mirrored, near, job.lead_share)
+        run_up = Trajectory.joined(lead.parts).reversed()
     keys = job.request.keys.copy()
     keys[0] = begin.q if stop is None else stop.ends()[0][1]
     keys[-1] = end.q if run_up is None else run_up.ends()[0][0]
@@ -367,7 +374,11 @@ def _from_rest_to_rest(
     )  # fmt: skip
     given = [one.position for one in keyframes if one.position is not None]
     here = State.at_rest(keys[0], given[0] if given else job.halt.last)
-    return replace(PlanJob.of(part, here, job.own, job.period), limits=job.limits)
+    axes = job.axes
+    if axes is not None:
+        joints = job.joints_at(states_at_ends(job)[0])
+        axes = replace(axes, joints=joints, before=(), rates=())
+    return replace(PlanJob.of(part, here, job.own, job.period, axes), limits=job.limits)
 
 
 def waiting(job: PlanJob, limits: Limits, plan_it: Planned) -> KeyframePath:

@@ -40,7 +40,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd import kernels
-from orientd.driver import AxisLimits
+from orientd.driver import AxisLimits, Joints
 from orientd.errors import LimitKind, PlanError
 from orientd.mechanism.joint_path import KINDS, AxisPeak
 from orientd.model.limits import ANGULAR, Limits
@@ -73,6 +73,16 @@ class AxisRecords(NamedTuple):
     rates: Floats
     earlier: Floats
     limits: Sequence[AxisLimits]
+
+    @property
+    def first(self) -> Joints:
+        """Angles at the first record, rad."""
+        return tuple(self.joints[0].tolist())
+
+    @property
+    def last(self) -> Joints:
+        """Angles at the last record, rad."""
+        return tuple(self.joints[-1].tolist())
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from orientd.driver import Joints
 from orientd.errors import PlanError
 from orientd.model.limits import Limits
 from orientd.planner.connect.connector import hold
-from orientd.planner.connect.leads import LeadIn
+from orientd.planner.connect.leads import Lead
 from orientd.planner.path import end_states
 from orientd.planner.timing.axes import Axes
 from orientd.planner.timing.keyframe_path import KeyframePath
@@ -43,14 +43,14 @@ _WHOLE = 1e-9  # of a period
 
 
 def followed(
-    find: Callable[[float], LeadIn],
+    find: Callable[[float], Lead],
     axes: Axes,
     near: Joints,
     limits: Limits,
     period: float,
     *,
-    is_moving: bool,
-) -> LeadIn:
+    has_one_way: bool = False,
+) -> Lead:
     """Return a lead on the first way on which the axes can keep their limits.
 
     Args:
@@ -59,22 +59,28 @@ def followed(
         near: their angles where it begins, rad.
         limits: of the tool.
         period: of the device, s.
-        is_moving: whether the device moves where it begins; from rest there is one way.
+        has_one_way: whether a lower pace has the same way, as from rest to rest.
 
     Raises:
         PlanError: the axes cannot follow any of them; the refusal is that of the shortest.
     """
     refusal: PlanError | None = None
-    for pace in _PACES.tolist() if is_moving else [1.0]:
+    for pace in [1.0] if has_one_way else _PACES.tolist():
         try:
-            return _timed(find(pace), axes, near, limits, period)
+            return _followed(find(pace), axes, near, limits, period, keeps_pace=pace == 1.0)
         except PlanError as error:
             refusal = refusal or error
     raise refusal or ValueError("there must be a pace")
 
 
-def _timed(lead: LeadIn, axes: Axes, near: Joints, limits: Limits, period: float) -> LeadIn:
-    """Return the same way, timed for the axes; one to a moving end keeps its pace.
+def _followed(
+    lead: Lead, axes: Axes, near: Joints, limits: Limits, period: float, *, keeps_pace: bool
+) -> Lead:
+    """Return the same way at a pace that the axes can follow.
+
+    Args:
+        keeps_pace: whether the way stays as it is if the axes can follow the tool.  One to a moving
+            end always does.
 
     Raises:
         PlanError: the axes cannot follow it, or the limits allow no timing.
@@ -84,10 +90,11 @@ def _timed(lead: LeadIn, axes: Axes, near: Joints, limits: Limits, period: float
     whole = Trajectory.joined(lead.parts)
     path = KeyframePath(whole, lead.positions, np.array([0.0, whole.duration]))
     along = axes.along(path, near, limits, period, _SHARE, _RISE)
-    if not path.held_ends(limits)[1]:
-        if along.excess(period) > 1.0:
-            raise PlanError("the axes cannot follow the tool to a moving end")
+    moves_at_end = not path.held_ends(limits)[1]
+    if (keeps_pace or moves_at_end) and along.excess(period) <= 1.0:
         return replace(lead, joints=along.end)
+    if moves_at_end:
+        raise PlanError("the axes cannot follow the tool to a moving end")
     finer = replace(whole, knots=_finer(whole.knots, _ELEMENT * period))
     timed = quickest(replace(path, trajectory=finer), limits, period, axes=along)
     cycles = math.ceil(timed.duration / period - _WHOLE)
@@ -95,7 +102,7 @@ def _timed(lead: LeadIn, axes: Axes, near: Joints, limits: Limits, period: float
     if rest > _WHOLE * period:
         q = end_states(timed.trajectory)[1].q
         parts.append(hold(np.ascontiguousarray(q), rest).shifted(timed.duration))
-    return LeadIn(tuple(parts), cycles, timed.positions, along.end)
+    return Lead(tuple(parts), cycles, timed.positions, along.end)
 
 
 def _finer(knots: Floats, widest: float) -> Floats:

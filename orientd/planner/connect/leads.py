@@ -48,8 +48,8 @@ _SHARES = np.linspace(0.0, 1.0, 65)  # of a lead-out, at which its velocity is l
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LeadIn:
-    """The part of a motion before the first keyframe.
+class Lead:
+    """The part of a motion before the first keyframe, or after the last.
 
     Attributes:
         parts: trajectories end to end, from path time 0 on.
@@ -75,7 +75,7 @@ def lead_in(
     is_direct: bool = False,
     is_even: bool = False,
     least: float = 0.0,
-) -> LeadIn:
+) -> Lead:
     """Return the lead-in from a state to the first keyframe.
 
     Args:
@@ -99,7 +99,7 @@ def lead_in(
         positions = position_lead(
             start, first.position, limits=limits, period=period, least=found.duration
         )
-    return LeadIn((found,), round(found.duration / period), positions)
+    return Lead((found,), round(found.duration / period), positions)
 
 
 def connected(
@@ -165,7 +165,7 @@ def from_rest(
     period: float,
     share: float,
     is_even: bool = False,
-) -> LeadIn:
+) -> Lead:
     """Return approach and run-up from rest, as far as they are needed.
 
     Args:
@@ -201,7 +201,7 @@ def from_rest(
     positions = PositionPath.held(first.position)
     if move > SAME_PLACE:
         positions = positions.after_move_from(start.position, arrival)
-    return LeadIn(tuple(parts), cycles, positions)
+    return Lead(tuple(parts), cycles, positions)
 
 
 def straight(start: State, end: State) -> KeyframePath:

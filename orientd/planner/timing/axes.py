@@ -11,8 +11,8 @@ gives the angles at samples, seven of these the derivatives, and quintics the re
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
@@ -22,6 +22,8 @@ from orientd.driver import AxisLimits, Joints
 from orientd.mechanism import Gimbal, Mechanism
 from orientd.mechanism.routing import check_way, joints_along
 from orientd.model.limits import Limits
+from orientd.planner.certify.measuring import AxisRecords
+from orientd.planner.path import Path, RecordedPath
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats
 
@@ -43,9 +45,16 @@ _FEWEST, _DENSE, _MOST = 24, 192, 3072  # samples in an interval between two kno
 _EXACT = 1e-2
 """Largest change of an acceleration when the samples double, as a share of its limit."""
 
+_NEAR = 1e-3
+"""Distance of the poses on both sides of a record that give the axis velocities there, periods."""
+
 _STENCIL = 7  # samples of a finite difference
 _COEFFICIENTS = 6  # of a quintic
 _PLACES = np.linspace(0.0, 1.0, 5)  # in a piece
+
+
+def _on_the_way(_: float) -> str:
+    return "on the way to a keyframe"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +91,10 @@ class AxisPath:
         ]
         return float(np.max(shares))
 
+    def below(self, over: float) -> AxisPath:
+        """Return the same axes with velocity limits lower by a factor."""
+        return replace(self, limits=self.limits / [[over], [1.0], [1.0]])
+
     def _rates(self, order: int) -> Floats:
         """Return a derivative at places in every piece, shape ``(places, m, axes)``."""
         pieces = self.pieces.reshape(len(self.pieces), _COEFFICIENTS, -1)
@@ -102,11 +115,54 @@ class Axes:
 
     Attributes:
         mechanism: kinematics and limits.
-        joints: the angles where the motion begins, rad.
+        joints: the angles where the motion begins, rad; empty if unknown.
+        before: planned angles of the previous cycles, if it begins in motion, oldest first; see
+            :meth:`.RecordedMotion.joints_before`.
+        rates: planned velocities there, rad/s.
     """
 
     mechanism: Mechanism
     joints: Joints
+    before: Sequence[Joints] = ()
+    rates: Joints = ()
+
+    @property
+    def keep_to_path(self) -> bool:
+        """Whether the axes follow a path exactly; those of a gimbal may leave it near a pole."""
+        return not isinstance(self.mechanism, Gimbal)
+
+    def recorded(self, path: Path, count: int, period: float) -> tuple[RecordedPath, AxisRecords]:
+        """Return the records of a path, and the angles and velocities of the axes there.
+
+        Args:
+            path: from the beginning of the motion to rest.
+            count: number of its records.
+            period: between them, s.
+
+        Raises:
+            LimitError: an axis leaves its range.
+            PlanError: a pose is out of reach, an axis jumps, or comes too near to a singularity.
+        """
+        times = period * np.arange(count, dtype=np.float64)
+        near = _NEAR * period * np.array([-1.0, 0.0, 1.0])
+        around = np.clip(times[:, None] + near, 0.0, path.duration)
+        beside = around.ravel()
+        samples = path.sample(beside)
+        every = joints_along(self.mechanism, beside, samples.q, samples.position, self.joints)
+        before, joints, after = every.reshape(count, len(near), -1).swapaxes(0, 1)
+        joints = np.ascontiguousarray(joints)
+        check_way(self.mechanism, joints, times)
+        span = around[:, -1:] - around[:, :1]
+        rates = np.divide(after - before, span, out=np.zeros_like(joints), where=span > 0.0)
+        rates[-1] = 0.0
+        is_moving = len(self.before) > 0
+        if self.rates or not is_moving:
+            rates[0] = self.rates or 0.0
+        earlier = np.array(self.before) if is_moving else None
+        q = np.ascontiguousarray(samples.q.reshape(count, len(near), 4)[:, 1])
+        found_path = RecordedPath.of(q, times, path, period, joints, earlier, rates=rates)
+        records = AxisRecords(joints, rates, found_path.earlier, self.mechanism.axes)
+        return found_path, records
 
     def along(
         self,
@@ -116,6 +172,7 @@ class Axes:
         period: float,
         share: float = SHARE,
         rise: float = RISE,
+        place: Callable[[float], str] = _on_the_way,
     ) -> AxisPath:
         """Return the angles along a path, sampled until their accelerations do not change any more.
 
@@ -126,13 +183,14 @@ class Axes:
             period: of the device, s.
             share: of accelerations and jerks that the timing uses.
             rise: fewest periods in which an axis reaches its acceleration.
+            place: returns where the path is at a path time, in words for a refusal.
 
         Raises:
             PlanError: the axes cannot go along it, at whatever pace.
         """
         breaks, pieces = [], []
         for begin, end in pairwise(path.trajectory.knots.tolist()):
-            grid, joints, first, second = self._sampled(path, (begin, end), near, tool)
+            grid, joints, first, second = self._sampled(path, (begin, end), near, tool, place)
             near = tuple(joints[-1].tolist())
             breaks.append(grid[:-1])
             pieces.append(_quintics(joints, first, second, grid[1] - grid[0]))
@@ -144,7 +202,12 @@ class Axes:
         )
 
     def _sampled(
-        self, path: KeyframePath, span: tuple[float, float], near: Joints, tool: Limits
+        self,
+        path: KeyframePath,
+        span: tuple[float, float],
+        near: Joints,
+        tool: Limits,
+        place: Callable[[float], str],
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Return path times, angles and their two derivatives in an interval between two knots."""
         mechanism, count, before = self.mechanism, _FEWEST, None
@@ -153,9 +216,9 @@ class Axes:
             grid = np.linspace(*span, count + 1)
             h = float(grid[1] - grid[0])
             q, position = path.trajectory.orientations(grid), path.positions.sample(grid)[0]
-            joints = joints_along(mechanism, h, q, position, near)
-            if not isinstance(mechanism, Gimbal):
-                check_way(mechanism, joints, h, is_dense=count >= _DENSE)
+            joints = joints_along(mechanism, grid, q, position, near, place)
+            if self.keep_to_path:
+                check_way(mechanism, joints, grid, place, is_dense=count >= _DENSE)
             first, second = _derivatives(joints, h)
             if before is not None:
                 pace = _most_square(path, grid, (first, second), most, tool)

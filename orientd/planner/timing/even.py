@@ -88,24 +88,34 @@ def evenly_paced(
 
 
 def evenly_made(
-    make: Callable[[float], KeyframePath], guess: float, limits: Limits, period: float
-) -> KeyframePath | None:
+    make: Callable[[float], KeyframePath],
+    guess: float,
+    limits: Limits,
+    period: float,
+    *,
+    axes_along: Callable[[KeyframePath], AxisPath],
+) -> tuple[KeyframePath, AxisPath] | None:
     """Return a path at its own pace that keeps the limits, whose duration changes the curve.
 
     Args:
         make: makes the path of a duration, s.
         guess: a first duration, s.
+        axes_along: returns the axes of the device along a path.
 
     Returns:
-        ``None`` if no duration was found.
+        The path and the axes along it; ``None`` if no duration was found.
+
+    Raises:
+        PlanError: the axes cannot go along one of the paths, at whatever pace.
     """
     cycles, power, tried = math.ceil(guess / period), 1.0, (0.0, 0.0)
     longest = _FARTHEST * cycles
     for look in range(_MOST_LOOKS):
         path = make(cycles * period)
-        longer = excess(path, limits.with_reserve(), period)
+        axes = axes_along(path)
+        longer = max(excess(path, limits.with_reserve(), period), axes.excess(period))
         if longer <= 1.0:
-            return path
+            return path, axes
         here = math.log(cycles), math.log(longer)
         if look:
             power = min(max((tried[1] - here[1]) / (here[0] - tried[0]), _LEAST_POWER), 1.0)

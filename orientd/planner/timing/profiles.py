@@ -36,6 +36,7 @@ _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration an
 
 # Rows of a profile, see timing.h.
 _SHARES, _AIMS, _PLACES, _TIMES, _ROWS = 1, 4, 7, 10, 11
+_MOST_ABOVE = 1.0005  # share of a velocity that the tolerance of a certificate has room for
 _PART = 7  # numbers of a part
 
 
@@ -87,6 +88,11 @@ class Profile:
         """Factor by which to slow down if a utilisation is above 1; otherwise 1."""
         shares = self.rows[_SHARES:_AIMS, :-2].max(1)
         return max(1.0, float(np.max(shares**_ROOTS)))
+
+    @property
+    def above(self) -> float:
+        """Largest share of a velocity if an end moves, so that it cannot be slowed down; or 1."""
+        return float(self.rows[_SHARES, :-2].max()) if any(self.moves) else 1.0
 
     def clock(self) -> TimeMap:
         """Return the path time since the start of the part as a function of time."""
@@ -202,6 +208,9 @@ def quickest(
         if turn is not None:
             return QuickPath(turn.trajectory, turn.positions, turn.times, path.notes)
     found = profiles(path, limits, period, rests=rests, axes=axes)
+    above = max(one.above for one in found)
+    if axes is not NO_AXES and above > _MOST_ABOVE:
+        found = profiles(path, limits, period, rests=rests, axes=axes.below(above))
     quick = _joined([_at_limits(retimed(path, one)) for one in found])
     refusal.check_duration(quick.duration)
     return quick

@@ -13,7 +13,8 @@ from emulated_ur.arm.transforms import from_pose, inverse
 from emulated_ur.arm.transforms import multiply as times
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
-from orientd.mechanism.routing import route
+from orientd.mechanism.joint_path import axis_peaks, refuse_rates
+from orientd.mechanism.routing import check_way, joints_along
 from orientd_ur.arm import MODELS as ARMS
 from orientd_ur.primary import ask
 from orientd_ur.probe import whereabouts
@@ -63,7 +64,9 @@ def decisions(robot, model, count):
         q, position = np.array([q for q, _ in path]), np.array([p for _, p in path])
         try:
             arm = driver.mechanism(may_ask=True)
-            route(arm, times_s[1], q, position, joints=place.joints)
+            joints = joints_along(arm, np.array(times_s), q, position, place.joints)
+            check_way(arm, joints, np.array(times_s))
+            refuse_rates(axis_peaks(joints, times_s[1], arm.axes, np.empty((0, 6))), "")
             refusal = ""
         except PlanError as error:
             refusal = str(error)

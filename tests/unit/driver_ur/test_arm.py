@@ -10,7 +10,8 @@ import pytest
 from emulated_dynamixel import ManualClock
 from orientd.errors import LimitError, PlanError
 from orientd.floats import exp, log, multiply
-from orientd.mechanism.routing import route
+from orientd.mechanism.joint_path import axis_peaks, refuse_rates
+from orientd.mechanism.routing import check_way, joints_along
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import rotate
 from orientd_ur import UrDriver
@@ -52,7 +53,7 @@ def test_out_of_reach_is_none():
 
 def test_path_is_followed_without_a_jump_through_a_turn_beyond_pi():
     path = [(*HOME[:5], 0.02 * k) for k in range(250)]
-    assert furthest(along(path).joints[-1], path[-1]) < 1e-9
+    assert furthest(along(path)[-1], path[-1]) < 1e-9
 
 
 def test_tool_is_carried_by_the_flange():
@@ -90,7 +91,16 @@ def along(rows):
     """Return the path of the arm whose flange goes where *rows* of joints, 8 ms apart, bring it."""
     poses = [forward(row) for row in rows]
     q, position = np.array([q for q, _ in poses]), np.array([p for _, p in poses])
-    return route(UR5E, 0.008, q, position, joints=tuple(rows[0]))
+    return followed(q, position, tuple(rows[0]))
+
+
+def followed(q, position, near):
+    """Return the joints of the arm along poses, 8 ms apart."""
+    times = 0.008 * np.arange(len(q))
+    joints = joints_along(UR5E, times, q, position, near)
+    check_way(UR5E, joints, times)
+    refuse_rates(axis_peaks(joints, 0.008, UR5E.axes, np.empty((0, 6))), "")
+    return joints
 
 
 def wrist_turn(rate, begin=0.0):
@@ -98,7 +108,7 @@ def wrist_turn(rate, begin=0.0):
 
 
 def test_slow_turn_is_accepted_with_its_joint_speed():
-    speeds = np.abs(np.diff(along(wrist_turn(2.0)).joints, axis=0)) / 0.008
+    speeds = np.abs(np.diff(along(wrist_turn(2.0)), axis=0)) / 0.008
     assert speeds[:, 5] == pytest.approx(2.0)
     assert speeds[:, 0].max() < 1e-9
 
@@ -128,7 +138,7 @@ def test_path_out_of_reach_is_refused_with_the_time():
     q, (x, y, z) = pose_at(HOME)
     position = np.array([(x - 0.004 * k, y, z) for k in range(250)])
     with pytest.raises(PlanError, match=r"at \d\.\d+ s|elbow"):
-        route(UR5E, 0.008, np.array([q] * 250), position, joints=HOME)
+        followed(np.array([q] * 250), position, HOME)
 
 
 def test_motion_runs_slower_where_a_joint_needs_it():

@@ -1,7 +1,8 @@
 """The axes of a mechanism in the timing: as one more rate beside those of the tool."""
 
 import math
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,11 +10,12 @@ import pytest
 from planned import LIMITS, PERIOD, vector
 
 from orientd.driver import AxisLimits
-from orientd.errors import PlanError
+from orientd.errors import LimitError, PlanError
 from orientd.mechanism import Gimbal, Mechanism
 from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.planner.connect.leads import straight
 from orientd.planner.fitting import Fitting
+from orientd.planner.planning import plan
 from orientd.planner.timing.axes import SHARE, Axes
 from orientd.planner.timing.profiles import quickest
 from orientd.rotation import angle, exp, log, multiply
@@ -22,6 +24,28 @@ from orientd_ur.arm import MODELS
 FREE = Limits(50.0, 5e3, 1e7, 10.0, 1e3)
 HOME = np.array([0.0, -1.6, 1.6, -1.6, -1.6, 0.0])
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Plans for an arm, as its device does."""
+
+    mechanism: Mechanism
+    joints: tuple[float, ...]
+    limits: Limits = LIMITS["arm"]
+    start: State | None = None
+    before: tuple = ()
+    rates: tuple = ()
+
+    def plan(self, request):
+        q, position = self.mechanism.forward(self.joints)
+        return plan(
+            request,
+            start=self.start or State.at_rest(np.array(q), np.array(position)),
+            limits=self.limits,
+            period=PERIOD,
+            axes=Axes(self.mechanism, self.joints, self.before, self.rates),
+        )
 
 
 class Turntable(Mechanism):
@@ -179,14 +203,12 @@ def arm_request(random, jerk=math.inf, **fields):
     arm = MODELS["ur5e"].arm().slower(float(np.exp(random.uniform(np.log(8.0), np.log(40.0)))))
     arm = replace(arm, axes=tuple(one._replace(jerk=jerk) for one in arm.axes))
     joints = tuple((HOME + random.uniform(-0.6, 0.6, 6)).tolist())
-    q, position = (np.array(one) for one in arm.forward(joints))
     walk, keyframes = np.array(joints), []
     for _ in range(int(random.integers(1, 6))):
         walk = walk + random.normal(0.0, 0.3, 6)
         there = arm.forward(tuple(walk.tolist()))
         keyframes.append(Keyframe(there[0], position=there[1]))
-    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
-    return planner, MotionRequest(keyframes, approach=True, **fields)
+    return Arm(arm, joints), MotionRequest(keyframes, approach=True, **fields)
 
 
 def rates_of(joints, axes):
@@ -230,9 +252,7 @@ def test_an_even_pace_of_an_arm_stays_even():
     random = np.random.default_rng(3)
     planner, request = arm_request(random, pace="even")
     motion = planner.plan(request)
-    arm = planner.mechanism.slower(4.0)
-    slow = replace(planner, mechanism=arm)
-    slower = slow.fitted(slow.planned(request, Axes(arm, planner.joints)))
+    slower = replace(planner, mechanism=planner.mechanism.slower(4.0)).plan(request)
     spans = [np.diff(one.keyframe_times) for one in (motion, slower)]
     assert spans[1].sum() > 1.2 * spans[0].sum()
     assert spans[1] / spans[1].sum() == pytest.approx(spans[0] / spans[0].sum(), abs=1e-3)
@@ -242,11 +262,10 @@ def test_stops_at_keyframes_are_timed_for_the_axes_too():
     """Back and forth, a curve would swing; with stops the joints still keep their limits."""
     arm = MODELS["ur5e"].arm().slower(10.0)
     joints = tuple(HOME.tolist())
-    q, position = (np.array(one) for one in arm.forward(joints))
+    q = np.array(arm.forward(joints)[0])
     turns = [np.array(one) for one in ((0.9, 0, 0), (0, 0, 0), (0, 0.9, 0), (0, 0, 0))]
     keyframes = [Keyframe(tuple(multiply(q, exp(turn)).tolist())) for turn in turns]
-    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["quick"], PERIOD)
-    motion = planner.plan(MotionRequest(keyframes, approach=True))
+    motion = Arm(arm, joints, LIMITS["quick"]).plan(MotionRequest(keyframes, approach=True))
     speed, force, _ = rates_of(motion.path.joints, arm.axes)
     assert speed.max() <= 1.001
     assert force.max() <= 1.001
@@ -258,9 +277,8 @@ def test_a_position_alone_moves_along_a_line():
     arm, joints = MODELS["ur5e"].arm().slower(12.0), tuple(HOME.tolist())
     q, position = (np.array(one) for one in arm.forward(joints))
     goal = position + np.array([0.0, 0.12, 0.05])
-    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
     request = MotionRequest([Keyframe(tuple(q), position=tuple(goal))], approach=True)
-    motion = planner.fitted(planner.planned(request, Axes(arm, joints)))
+    motion = Arm(arm, joints).plan(request)
     (time,) = motion.keyframe_times
     assert time / PERIOD == pytest.approx(round(time / PERIOD), abs=1e-6)
     samples = motion.sample(np.linspace(0.0, motion.duration, 200))
@@ -284,11 +302,9 @@ def test_close_to_a_straight_wrist_the_joints_keep_their_limits_in_one_plan():
     """There the joints turn fastest, and their accelerations change within milliradians."""
     arm = MODELS["ur5e"].arm().slower(15.0)
     joints = (0.3, -1.3, 1.5, -1.7, -0.03, 0.4)
-    q, position = (np.array(one) for one in arm.forward(joints))
+    q = np.array(arm.forward(joints)[0])
     goal = Keyframe(tuple(multiply(q, exp(np.array([0.02, 1.2, 0.02]))).tolist()))
-    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
-    request = MotionRequest([goal], approach=True)
-    motion = planner.fitted(planner.planned(request, Axes(arm, joints)))
+    motion = Arm(arm, joints).plan(MotionRequest([goal], approach=True))
     speed, force, _ = rates_of(motion.path.joints, arm.axes)
     assert 0.89 < max(speed.max(), force.max()) <= 1.001
 
@@ -296,8 +312,8 @@ def test_close_to_a_straight_wrist_the_joints_keep_their_limits_in_one_plan():
 def test_a_motion_to_where_an_arm_stands_is_planned():
     arm, joints = MODELS["ur5e"].arm(), tuple(HOME.tolist())
     q, position = arm.forward(joints)
-    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
-    motion = planner.plan(MotionRequest([Keyframe(q, position=position)], approach=True))
+    request = MotionRequest([Keyframe(q, position=position)], approach=True)
+    motion = Arm(arm, joints).plan(request)
     assert np.ptp(motion.path.joints, axis=0).max() < 1e-9
 
 
@@ -332,10 +348,9 @@ def test_a_gimbal_away_from_its_poles_uses_some_limit_nearly_always_and_says_so(
 
 def test_a_single_keyframe_at_an_even_pace_is_reached_by_a_quintic():
     arm, joints = MODELS["ur5e"].arm(), tuple(HOME.tolist())
-    q, position = arm.forward(joints)
+    q = arm.forward(joints)[0]
     goal = Keyframe(tuple(multiply(np.array(q), exp(np.array([0.0, 0.4, 0.0]))).tolist()))
-    planner = Fitting(arm, State.at_rest(q, position), joints, LIMITS["arm"], PERIOD)
-    motion = planner.plan(MotionRequest([goal], approach=True, pace="even"))
+    motion = Arm(arm, joints).plan(MotionRequest([goal], approach=True, pace="even"))
     middle = motion.sample(np.array([0.5 * motion.keyframe_times[0]]))
     speed = float(np.linalg.norm(middle.omega_body))
     assert speed == pytest.approx(1.875 * 0.4 / motion.keyframe_times[0], rel=0.02)
@@ -390,13 +405,10 @@ def near_singular(random):
     arm = MODELS["ur5e"].arm()
     joints = HOME + random.uniform(-0.6, 0.6, 6)
     joints[4] = random.uniform(0.03, 0.3)
-    q, position = (np.array(one) for one in arm.forward(tuple(joints.tolist())))
     there = arm.forward(tuple((joints + random.normal(0.0, 0.3, 6)).tolist()))
     second = arm.forward(tuple((joints + random.normal(0.0, 0.3, 6)).tolist()))
     keyframes = [Keyframe(one[0], position=one[1]) for one in (there, second)]
-    start = State.at_rest(q, position)
-    planner = Fitting(arm, start, tuple(joints.tolist()), LIMITS["arm"], PERIOD)
-    return planner, MotionRequest(keyframes, approach=True)
+    return Arm(arm, tuple(joints.tolist())), MotionRequest(keyframes, approach=True)
 
 
 @pytest.mark.parametrize("seed", [256, 379])
@@ -410,13 +422,51 @@ def test_a_move_whose_straight_way_is_singular_goes_another_way(seed):
 def test_the_joint_velocities_of_records_are_those_of_the_path():
     planner, request = arm_request(np.random.default_rng(5))
     motion = planner.plan(request)
-    tool = planner.planned(request, Axes(planner.mechanism, planner.joints))
     step, exact = 1e-5, []
-    for record in range(1, motion.record_count - 1):
-        near = tuple(motion.path.joints[record].tolist())
-        around = tool.sample(record * PERIOD + np.array([-step, step]))
-        poses = zip(around.q.tolist(), around.position.tolist(), strict=True)
-        before, after = (planner.mechanism.nearest(tuple(q), tuple(p), near) for q, p in poses)
-        exact.append((np.array(after) - np.array(before)) / (2.0 * step))
+    for row, joints in zip(motion.rows(0, motion.record_count), motion.path.joints, strict=True):
+        around = [
+            planner.mechanism.nearest(
+                tuple(multiply(row[:4], exp(way * row[4:7])).tolist()),
+                tuple((row[10:13] + way * row[13:16]).tolist()),
+                tuple(joints.tolist()),
+            )
+            for way in (-step, step)
+        ]
+        exact.append(np.diff(around, axis=0)[0] / (2.0 * step))
     # Differences of neighbours are wrong by 1.3e-3 rad/s here.
-    assert np.abs(motion.path.joint_rates[1:-1] - exact).max() < 1e-4
+    assert np.abs(motion.path.joint_rates - exact).max() < 1e-4
+
+
+def test_an_arm_meets_a_velocity_at_the_end_and_comes_to_rest_within_the_limits_of_its_joints():
+    random, met = np.random.default_rng(8), 0
+    for _ in range(20):
+        planner, request = arm_request(random)
+        wanted = random.normal(0.0, 0.25, 3)
+        if request.is_single:
+            continue
+        try:
+            motion = planner.plan(replace(request, end_velocity=tuple(wanted)))
+        except PlanError:
+            continue
+        met += 1
+        (end,) = motion.sample(np.array([motion.end_time])).omega_body
+        assert end == pytest.approx(wanted, abs=1e-9)
+        speed, force, _ = rates_of(motion.path.joints, planner.mechanism.axes)
+        assert max(float(speed.max()), float(force.max())) <= 1.001
+        assert np.all(motion.path.joint_rates[-1] == 0.0)
+    assert met >= 11
+
+
+def test_times_that_a_joint_cannot_keep_are_refused_with_a_duration_that_it_can():
+    planner = Arm(MODELS["ur5e"].arm().slower(4.0), tuple(HOME.tolist()))
+    there = planner.mechanism.forward((*HOME[:5].tolist(), 1.0))
+
+    def taking(seconds):
+        here = planner.mechanism.forward(planner.joints)
+        frames = [Keyframe(q, at, p) for (q, p), at in ((here, 0.0), (there, seconds))]
+        return planner.plan(MotionRequest(frames))
+
+    with pytest.raises(LimitError, match=r"of wrist 3 reaches .* s in place of 1\.0 s") as caught:
+        taking(1.0)
+    seconds = float(re.search(r"([0-9.]+) s in place of", str(caught.value))[1])
+    assert taking(seconds).duration == pytest.approx(seconds, abs=0.01)
