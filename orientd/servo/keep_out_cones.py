@@ -24,6 +24,9 @@ MOST_DRIFT = 0.0175
 SLACK = 5e-5
 """Angle inside a cone that the guard tolerates, rad: 0.003 degrees, for a cone that moves."""
 
+SAME_ANGLE = 1e-9
+"""Largest difference of equal angles, rad: joints are found for a pose no more exactly."""
+
 
 class KeepOutCones:
     """The cones of a device.
@@ -91,12 +94,14 @@ class KeepOutCones:
     def rows(self, q: Quaternion, reserve: float) -> Rows:
         """Return the cones for the stops of axes from *q* on, see ``kernels/c/chain.h``.
 
-        Stops keep the angle *reserve* outside, rad; from inside they come no nearer.
+        Stops keep the angle *reserve* outside, rad.  The tool may be nearer already.  Then stops
+        come no nearer, and inside of a cone each step of them leads outwards (:meth:`intrusion`).
         """
         found = Rows(len(self.cones), 7)
         each = zip(self.cones, self.directions, self.clearances(q), strict=True)
         for row, (one, direction, clearance) in enumerate(each):
-            found[row] = (*one.axis, *direction, one.half_angle + min(reserve, clearance))
+            kept = min(reserve, max(clearance, -SLACK))
+            found[row] = (*one.axis, *direction, one.half_angle + kept)
         return found
 
     def intrusion(self, before: Quaternion, q: Quaternion, slack: float = SLACK) -> str:
@@ -111,7 +116,7 @@ class KeepOutCones:
         """
         found, earlier = self.clearances(q), self.clearances(before)
         for one, clearance, last in zip(self.cones, found, earlier, strict=True):
-            if clearance < -slack and clearance < last:
+            if clearance < -slack and clearance < last - SAME_ANGLE:
                 depth = max(degrees(-clearance), 0.0)
                 return f"{depth:.3g} deg inside the keep-out cone {one.name!r}"
         return ""

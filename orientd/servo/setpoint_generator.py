@@ -313,6 +313,7 @@ class SetpointGenerator:
         if not self.is_moving:
             return self._hold()
         self._pursue(self._servo_limits, is_off_path=True)
+        self.pursuit.stop_joints(self._servo_limits)
         return self._follow(UNKNOWN)
 
     def fail(self, fault: Fault, text: str) -> bool:

@@ -16,8 +16,8 @@
 #define UNLIMITED 1e9
 /* Step of a joint that is rest, rad. */
 #define STILL 1e-14
-/* Cosine by which an axis may come nearer to a cone inside of it. */
-#define COSINE_ROUNDING 1e-12
+/* Cosine by which an axis may come nearer to a cone inside of it, by rounding. */
+#define COSINE_ROUNDING 1e-14
 /* Most cycles of a stop of axes that brake each by itself. */
 enum { LONGEST_BRAKING = 4000 };
 
@@ -219,17 +219,17 @@ static bool strains_tool(const limited_chain_t *arm, tool_t *tool, place_t at, r
     return false;
 }
 
-static double cosine_to(const double *cone, quat_t q) {
-    return dot(turned(q, vec_at(cone)), vec_at(cone + 3));
-}
-
 /* The first cone into which a step of the tool leads, or their number.  Inside of one it may turn
- * outwards.  All cones are wider by an angle. */
-static index_t entered(matrix_t cones, quat_t before, quat_t q, double wider) {
+ * outwards.  The direction of every cone may have turned by an angle. */
+static index_t entered(matrix_t cones, quat_t before, quat_t q, double turn) {
     for (index_t i = 0; i < cones.n; i++) {
         const double *cone = row_of(cones, i);
-        double angle = cone[CONE - 1] + wider, cosine = cosine_to(cone, q);
-        if (angle > 0.0 && cosine > cos(smaller(angle, M_PI)) && cosine > cosine_to(cone, before) + COSINE_ROUNDING)
+        vec_t axis = vec_at(cone), direction = vec_at(cone + 3), at = turned(q, axis);
+        double angle = cone[CONE - 1] + turn;
+        if (!(angle > 0.0 && dot(at, direction) > cos(smaller(angle, M_PI))))
+            continue;
+        vec_t step = minus(at, turned(before, axis));
+        if (dot(step, direction) + turn * norm(step) > COSINE_ROUNDING)
             return i;
     }
     return cones.n;

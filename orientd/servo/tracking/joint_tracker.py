@@ -62,6 +62,9 @@ LOOK = 0.04
 STILL = 1e-8
 """Speed of a device that stands, rad/s or m/s."""
 
+SAME_POSE = 1e-9
+"""Largest difference of equal poses, rad or m."""
+
 NEED_MEMORY = 1.5
 """Time over which the need of the reference is averaged, s."""
 
@@ -272,6 +275,8 @@ class JointTracker:
                     rows.append(rows[-1])
                     continue
                 found = self._mechanism.nearest(q, position, near)
+                if found is None and self._agrees(near, q, position):
+                    found = near
                 if found is None:
                     raise NotYetError("the device does not reach where it was sent")
                 rows.append((q, position, found))
@@ -284,7 +289,39 @@ class JointTracker:
         guard.take(*rows[1])
         guard.take(*rows[0])
 
+    def _agrees(self, joints: Joints, q: Quaternion, position: Vector3) -> bool:
+        """Return whether the pose of *joints* is this one.
+
+        By rounding, a straight arm may not reach the pose that its own joints make.
+        """
+        q_of_joints, at = self._mechanism.forward(joints)
+        return max(norm(difference(q_of_joints, q)), dist(at, position)) <= SAME_POSE
+
     # The stop in hand
+
+    def begin_to_stop(self, servo_limits: ServoLimits, joints: Joints) -> bool:
+        """Take a stop in hand that begins at the last written setpoint, at once.
+
+        It keeps out of the cones if any stop does.
+
+        Args:
+            servo_limits: of the motion.
+            joints: close to the axes, rad.
+
+        Returns:
+            Whether there is one that keeps the limits of axes and tool.
+        """
+        try:
+            self._replay(joints)
+        except NotYetError:
+            return False
+        self._look_at_guard()
+        self._put_in_force(servo_limits)
+        self._asked = self.limits
+        if self._begins_to_stop():
+            return True
+        self._cone_rows = _NO_CONES
+        return self._begins_to_stop()
 
     def _begins_to_stop(self) -> bool:
         """Take a stop in hand that begins at once; return whether one keeps the limits."""

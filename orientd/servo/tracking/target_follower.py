@@ -153,6 +153,12 @@ class TargetFollower:
         clear_report(self._chunks)
         self.is_on = True
 
+    def stop_joints(self, servo_limits: ServoLimits) -> None:
+        """Have the axes come to rest together, if they have a stop from the last setpoint."""
+        joints, tracker = self._guard.joints, self.joint_tracker
+        if tracker is not None and joints:
+            self._is_of_joints = tracker.begin_to_stop(servo_limits, joints)
+
     def cease(self) -> None:
         """Forget every target, and come to rest."""
         self.tracker.cease()

@@ -8,7 +8,7 @@ from math import dist, pi, tau
 
 import numpy as np
 import pytest
-from arm_rig import ArmRig
+from arm_rig import ArmRig, joints_of
 from rig import PERIOD, turn
 
 from orientd.floats import difference, exp, multiply, norm, rotate
@@ -307,3 +307,46 @@ def test_an_arm_that_its_reach_holds_back_keeps_out_of_a_cone(way, waits):
     assert rig.hindrances
     rig.check()
     assert min(cone.clearance(s.q, 0) for s in rig.setpoints) > 0.0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 20])
+def test_an_arm_that_begins_inside_a_cone_leaves_it_and_never_comes_nearer(seed):
+    rng = random.Random(seed)
+    q = ArmRig("ur5e", HOME).q
+    aside = tuple(rng.uniform(-0.25, 0.25) for _ in range(3))
+    centre = rotate(multiply(q, exp(aside)), (1.0, 0.0, 0.0))
+    cone = KeepOut("window", centre, half_angle=0.4)
+    assert cone.clearance(q, 0) < -0.05
+    rig = ArmRig("ur5e", HOME, cones=(cone,))
+    out = multiply(q, exp(tuple(rng.uniform(-1.2, 1.2) for _ in range(3))))
+    x, y, z = rig.position
+    place = (x, y - 0.1, z + 0.05)
+    rig.follow(lambda _: out, seconds=1.0, position=lambda _: place)
+    rig.follow(lambda _: q, seconds=0.6, position=lambda _: place)
+    assert rig.servo.state is ServoState.TRACKING, rig.servo.setpoints.fault_text
+    rig.check()
+    found = [cone.clearance(s.q, 0) for s in rig.setpoints]
+    assert all(after > min(before - 1e-9, -1e-9) for before, after in pairwise(found))
+    assert found[-1] > found[0] + 0.01
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)])
+def test_a_stop_after_a_refused_step_keeps_the_limits_of_the_joints(axis):
+    rig = ArmRig("ur5e", HOME, hardest=8.0, velocity=2.5, acceleration=17.0, jerk=8500.0)
+    rig.follow(turning(rig.q, axis, 2.0, 3.0), seconds=0.7)
+    assert norm(rig.servo.setpoints.last.omega_body) > 0.5
+    rig.servo.setpoints._guard.admit = lambda *_: "a limit of the test"
+    rig.run_until(lambda servo: not servo.is_moving)
+    assert rig.servo.state is ServoState.FAULT
+    poses = [(s.q, s.position) for s in rig.setpoints]
+    changes = np.diff(joints_of(rig.arm, poses, HOME), 2, axis=0) / PERIOD**2
+    assert np.abs(changes).max() <= 8.0
+
+
+def test_an_arm_whose_elbow_is_straight_follows_targets():
+    """By rounding, its own kinematics may not reach the pose that its joints make."""
+    rig = ArmRig("ur5e", (-0.755, -0.768, 0.0, -0.581, 1.2, -2.373))
+    assert rig.arm.nearest(rig.q, rig.position, rig.start) is None
+    place = tuple(0.8 * x for x in rig.position)
+    rig.follow(lambda _: rig.q, seconds=4.0, position=lambda _: place)
+    assert dist(rig.setpoints[-1].position, place) < 1e-4
