@@ -27,9 +27,9 @@ from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
 from orientd.planner.connect.connector import turn_to_stop
-from orientd.planner.connect.leads import connected
+from orientd.planner.connect.leads import LEAD_SHARE, connected
 from orientd.planner.facts import HISTORY
-from orientd.planner.job import LEAD_SHARE, TAKE_OVER_SHARE, certified
+from orientd.planner.job import TAKE_OVER_SHARE, certified
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, quintic
 from orientd.planner.planning import plan

@@ -22,6 +22,7 @@ from orientd.planner.certify.summary import before, summed_up, summed_up_axes
 from orientd.planner.connect.axis_leads import followed
 from orientd.planner.connect.connector import turn_to_stop
 from orientd.planner.connect.leads import (
+    LEAD_SHARE,
     MOST_SHARE,
     SAME_PLACE,
     Lead,
@@ -55,9 +56,6 @@ _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 _NEAR = 1.25  # multiple of the turn of a stop: nearer targets may be overshot
 _WORTH = 0.95  # share of a duration that is worth going without the reserve
-
-LEAD_SHARE = 0.95
-"""Share of acceleration and jerk that leads use: with more of it, stops on them take longer."""
 
 CALM_LEAD_SHARE = 0.75
 """The same where time is given, or the pace is even.

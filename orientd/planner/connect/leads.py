@@ -37,6 +37,9 @@ from orientd.rotation import Floats, angle, exp, multiply, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
 
+LEAD_SHARE = 0.95
+"""Share of acceleration and jerk that leads use: with more of it, stops on them take longer."""
+
 MOST_SHARE = 0.9995
 """Largest share of acceleration and jerk: the law between two records may need the rest."""
 
@@ -185,7 +188,9 @@ def from_rest(
             raise PlanError(f"no run-up to the first keyframe: {error}") from error
         rest = run_up.ends()[0][1]
         run_up_cycles = round(run_up.duration / period)
-    turn = approach(start.q, rest, limits, is_even=is_even)
+    # Where time is given, a stop on the turn is as short as on the run-up.
+    within = limits if is_even else limits.with_reserve(min(share / LEAD_SHARE, 1.0))
+    turn = approach(start.q, rest, within, is_even=is_even)
     move = float(np.linalg.norm(first.position - start.position))
     cycles = approach_cycles(turn, move, limits=limits, period=period)
     arrival = cycles * period

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,10 +8,15 @@ from reference.ruckig_turn import fastest
 
 from orientd.errors import PlanError
 from orientd.model.limits import is_still
-from orientd.planner import Limits, State
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.connect.connector import connector
-from orientd.planner.connect.leads import approach, approach_cycles, from_rest, lead_out
-from orientd.planner.job import LEAD_SHARE
+from orientd.planner.connect.leads import (
+    LEAD_SHARE,
+    approach,
+    approach_cycles,
+    from_rest,
+    lead_out,
+)
 from orientd.planner.timing.axis_turn import usable
 from orientd.rotation import angle, conjugate, exp, log, multiply
 
@@ -205,3 +211,15 @@ def test_a_lead_in_does_not_move_a_position_that_differs_by_rounding(angle):
     assert lead_in.positions.is_held
     np.testing.assert_array_equal(lead_in.positions.last, place)
     assert (lead_in.cycles > 0) == (angle > 0.0)
+
+
+def test_where_the_time_is_given_a_stop_on_the_approach_is_short():
+    random = np.random.default_rng(4)
+    here, *keys = rotations(random, 4, 0.6)
+    limits, start = LIMITS["arm"], State.at_rest(np.array(here))
+    request = MotionRequest([Keyframe(q) for q in keys], approach=True)
+    quick = plan(request, start=start, limits=limits, period=PERIOD)
+    between = quick.end_time - quick.start_time
+    calm = plan(replace(request, duration=3.0 * between), start=start, limits=limits, period=PERIOD)
+    assert calm.certificate.stop_time < 0.6 * quick.certificate.stop_time
+    assert calm.start_time < 1.2 * quick.start_time
