@@ -110,6 +110,22 @@ def place_arm(arm: Rows, is_own: bool, joints: Rows, poses: Rows, /) -> None: ..
 def reserve_arm(arm: Rows, joints: Rows, reserves: Rows, /) -> None: ...
 def solve_arm(arm: Rows, tool: Rows, pose: Rows, joints: Rows, /) -> int: ...
 
+# vector.h
+def halt_vector(
+    limits: Rows, period: float, state: Rows, aside: Rows, acceleration: Rows, /
+) -> None: ...
+def pursue_vector(
+    limits: Rows,
+    period: float,
+    state: Rows,
+    reference: Rows,
+    following: Rows,
+    taken: Rows,
+    acceleration: Rows,
+    /,
+) -> bool: ...
+def stop_clearance(limits: Rows, period: float, state: Rows, cones: Rows, /) -> float: ...
+
 # chain.h
 def brakes_outside(
     chain: Rows, axes: Rows, joints: Rows, period: float, cones: Rows, /

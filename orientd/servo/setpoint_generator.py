@@ -18,7 +18,6 @@ from orientd.mechanism.following import Following
 from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.motion_law import NO_LIMITS, linear_limits_of, loosened
 from orientd.servo.path.path_follower import (
     KeepOutAhead,
     PathFollower,
@@ -30,6 +29,7 @@ from orientd.servo.path.quick_stop import QuickStop
 from orientd.servo.path.segment import PathPoint
 from orientd.servo.path.time_scaling import TimeScaling
 from orientd.servo.state_table import Event, advance
+from orientd.servo.tracking.law import NO_LIMITS, Law
 from orientd.servo.tracking.target_follower import TargetFollower
 from orientd.servo.watchdog import longest_gap_ns
 from orientd.stream.memory import SharedMemory
@@ -271,8 +271,9 @@ class SetpointGenerator:
         servo_limits, guard = part.servo_limits, self._guard
         if self.pursuit.joint_tracker is None:
             # If a narrower limit is already broken, reduce the excess.
-            linear = linear_limits_of(servo_limits, guard.period)
-            speed = loosened(linear, guard.velocity, guard.acceleration).velocity
+            linear = Law(guard.period)
+            linear.limit_position(servo_limits)
+            speed = linear.loosened(guard.velocity, guard.acceleration)
             servo_limits = replace(servo_limits, linear_velocity=speed)
         elif not joints:
             raise NotYetError("the device does not say where its axes are")

@@ -158,7 +158,7 @@ void pursue_joints(const limited_chain_t *arm, matrix_t joints, matrix_t referen
         twist[i] = to.next_bend[i] - to.bend[i];
     taken.v[VELOCITY] = fast, taken.v[ACCELERATION] = hard;
     taken.v[JERK] = gauge(&g, JERK, twist) / arm->period;
-    bool is_linear = pursue(&g, &manner, to.way, v, a, to.rates, to.bend, wanted);
+    bool is_linear = pursue(&g, &manner, NULL, to.way, v, a, to.rates, to.bend, wanted);
     for (index_t i = 0; is_linear && i < n; i++)
         wanted[i] += twist[i];
     advance(&g, v, a, wanted, loosened(&g, v, a), accelerations.v);
@@ -250,7 +250,7 @@ index_t roll_stop(const limited_chain_t *arm, matrix_t joints, row_t differences
     bool is_stop = isnan(accelerations.v[0]);
     for (index_t k = 0; k < stop.n; k++) {
         if (k || is_stop)
-            halt(&g, v, a, next);
+            halt(&g, v, a, NULL, next);
         else
             memcpy(next, accelerations.v, size);
         double largest = 0.0;

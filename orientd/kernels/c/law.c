@@ -9,6 +9,10 @@
 #define SPIRAL 0.6
 /* Share of a limit that the linear law may use for a surprise. */
 #define CALM 0.5
+/* Share of a stop by which it may end beyond the end of the reference's own. */
+#define LOOSE 0.1
+/* Step in which a motion means nothing, rad or m. */
+#define STANDING 1e-9
 enum { TURNING_POINT_ROUNDS = 2, BISECTIONS = 10, SECANTS = 5 };
 
 typedef double coordinates_t[MOST_COORDINATES];
@@ -126,11 +130,19 @@ static void make_up(const gauges_t *g, const double *u, const double *b, double 
 
 static const double ALL[RATES] = {1.0, 1.0, 1.0};
 
-void halt(const gauges_t *g, const double *v, const double *a, double *found) {
-    coordinates_t back = {0}, wanted = {0};
+/* Write the acceleration to aim at, to be at rest soonest. */
+static void rest(const gauges_t *g, const double *v, const double *a, double *wanted) {
+    coordinates_t back = {0};
     for (index_t i = 0; i < g->n; i++)
         back[i] = -v[i];
     make_up(g, back, a, 1.0 / g->period, ALL, wanted);
+}
+
+void halt(const gauges_t *g, const double *v, const double *a, const double *aside, double *found) {
+    coordinates_t wanted = {0};
+    rest(g, v, a, wanted);
+    if (aside != NULL)
+        sum(g->n, wanted, 1.0, aside, wanted);
     advance(g, v, a, wanted, loosened(g, v, a), found);
 }
 
@@ -189,8 +201,35 @@ static void brake_in_time(const line_t *line, index_t n, const double *f, const 
         found[i] = brake[i] + low * (go[i] - brake[i]);
 }
 
-bool pursue(const gauges_t *g, const manner_t *manner, const double *e, const double *v,
-            const double *a, const double *vr, const double *ar, double *wanted) {
+void keep_distance(const gauges_t *g, double slack, const double *e, const double *v,
+                   const double *a, const double *vr, const double *ar, double *wanted) {
+    index_t n = g->n;
+    double h = g->period, speed = sqrt(inner(n, v, v));
+    coordinates_t u = {0}, go = {0}, brake = {0};
+    if (speed * h < STANDING)
+        return;
+    for (index_t i = 0; i < n; i++)
+        u[i] = v[i] / speed;
+    double most = 1.0 / gauge(g, ACCELERATION, u), jerk = 1.0 / gauge(g, JERK, u);
+    double way = inner(n, u, e), pace = inner(n, u, vr);
+    if (pace > 0.0)
+        way += stopping_way(pace, larger(-most, smaller(inner(n, u, ar), most)), most, jerk);
+    way = (way + slack) / (1.0 - LOOSE);
+    saturate(g, a, wanted, go);
+    double rate = inner(n, u, go), far = stopping_way(speed + 0.5 * h * rate, rate, most, jerk);
+    if (far <= way)
+        return;
+    rest(g, v, a, brake);
+    saturate(g, a, brake, brake);
+    rate = inner(n, u, brake);
+    double near = stopping_way(speed + 0.5 * h * rate, rate, most, jerk);
+    double share = far > near ? larger(way - near, 0.0) / (far - near) : 0.0;
+    for (index_t i = 0; i < n; i++)
+        wanted[i] = brake[i] + share * (go[i] - brake[i]);
+}
+
+bool pursue(const gauges_t *g, const manner_t *manner, const calm_t *calm, const double *e,
+            const double *v, const double *a, const double *vr, const double *ar, double *wanted) {
     index_t n = g->n;
     double h = g->period;
     const double *spare = manner->spare;
@@ -214,9 +253,12 @@ bool pursue(const gauges_t *g, const manner_t *manner, const double *e, const do
     double most = spare[ACCELERATION] / gauge(g, ACCELERATION, f);
     double jerk = spare[JERK] / gauge(g, JERK, f), settle = manner->settle;
     s = closing_speed(left, most, jerk);
-    double calm = CALM * smaller(most / settle, jerk / settle / settle);
-    if (manner->approach * left <= s && speed <= larger(s, calm)) {
+    double slow = CALM * smaller(most / settle, jerk / settle / settle);
+    if ((manner->approach * left <= s && speed <= larger(s, slow))
+        || (calm != NULL && calm->margin < INFINITY && left < calm->near)) {
         double pull = manner->approach * left;
+        if (calm != NULL)
+            pull = smaller(pull, sqrt(calm->margin * left));
         for (index_t i = 0; i < n; i++) {
             double change = settle * (pull * f[i] - closing[i]) - bend[i];
             wanted[i] = a[i] + manner->share * change;

@@ -40,6 +40,13 @@ typedef struct {
  * spare: shares of the limits that the reference leaves free. */
 typedef struct { double approach, settle, share, spare[RATES]; } manner_t;
 
+/* Corrections near a reference that jumps about, for a follower that was close.
+ *
+ * near: way up to which they are linear.
+ * margin: acceleration that they may take; infinity for no bound.
+ * most: acceleration that they may take together with the reference's own. */
+typedef struct { double near, margin, most; } calm_t;
+
 /* The share of a limit that a velocity, an acceleration or a jerk takes. */
 double gauge(const gauges_t *g, int rate, const double *u);
 
@@ -50,8 +57,10 @@ double loosened(const gauges_t *g, const double *v, const double *a);
 void advance(const gauges_t *g, const double *v, const double *a, const double *wanted, double top,
              double *found);
 
-/* Write the acceleration of one more cycle towards rest. */
-void halt(const gauges_t *g, const double *v, const double *a, double *found);
+/* Write the acceleration of one more cycle towards rest.
+ *
+ * aside: is added to the acceleration to aim at; may be NULL. */
+void halt(const gauges_t *g, const double *v, const double *a, const double *aside, double *found);
 
 /* Write the acceleration to aim at, to meet a reference soonest and stay with it.
  *
@@ -62,7 +71,16 @@ void halt(const gauges_t *g, const double *v, const double *a, double *found);
  * vr, ar: its velocity of the last step and acceleration.
  *
  * Returns whether the linear law gave it. */
-bool pursue(const gauges_t *g, const manner_t *manner, const double *e, const double *v,
-            const double *a, const double *vr, const double *ar, double *wanted);
+bool pursue(const gauges_t *g, const manner_t *manner, const calm_t *calm, const double *e,
+            const double *v, const double *a, const double *vr, const double *ar, double *wanted);
+
+/* Turn a wanted acceleration towards braking if a stop after it would end far beyond the reference.
+ *
+ * That is beyond the end of the reference's own stop along the motion.  So it is true whatever the
+ * reference does next within the limits.
+ *
+ * slack: way by which it may end beyond. */
+void keep_distance(const gauges_t *g, double slack, const double *e, const double *v,
+                   const double *a, const double *vr, const double *ar, double *wanted);
 
 #endif

@@ -2,6 +2,7 @@
 #include "arms.h"
 #include "binding.h"
 #include "chain.h"
+#include "vector.h"
 
 static bool is_arm(row_t arm) { return arm.n == PUBLISHED_ARM || arm.n == CALIBRATED_ARM; }
 
@@ -79,8 +80,42 @@ KERNEL(brakes_outside) {
     return PyBool_FromLong(is_outside);
 }
 
+static bool is_moving_vector(arguments_t *taken, int reference) {
+    argument_t *a = taken->at;
+    return a[0].v.n == VECTOR_LIMITS && a[1].d > 0.0 && a[2].v.n == VECTOR_STATE
+           && a[reference].v.n == VECTOR_STATE;
+}
+
+KERNEL(pursue_vector) {
+    TAKE("vdvvvVV");
+    CHECK(is_moving_vector(&taken, 3) && a[4].v.n == VECTOR_FOLLOWING);
+    CHECK(a[5].v.n == RATES && a[6].v.n == 3);
+    bool is_linear;
+    RUN_AT_ONCE(
+        is_linear = pursue_vector(a[0].v, a[1].d, a[2].v, a[3].v, a[4].v, a[5].v, a[6].v));
+    return PyBool_FromLong(is_linear);
+}
+
+KERNEL(halt_vector) {
+    TAKE("vdvvV");
+    CHECK(a[0].v.n == VECTOR_LIMITS && a[1].d > 0.0 && a[2].v.n == VECTOR_STATE);
+    CHECK(a[3].v.n == 3 && a[4].v.n == 3);
+    RUN_AT_ONCE(halt_vector(a[0].v, a[1].d, a[2].v, a[3].v, a[4].v));
+    Py_RETURN_NONE;
+}
+
+KERNEL(stop_clearance) {
+    TAKE("vdvm");
+    CHECK(a[0].v.n == VECTOR_LIMITS && a[1].d > 0.0 && a[2].v.n == VECTOR_STATE);
+    CHECK(a[3].m.m == CONE);
+    double least;
+    RUN_AT_ONCE(least = stop_clearance(a[0].v, a[1].d, a[2].v, a[3].m));
+    return PyFloat_FromDouble(least);
+}
+
 PyMethodDef mechanism_methods[] = {
-    ENTRY(brakes_outside), ENTRY(follow_arm),  ENTRY(place_arm),  ENTRY(pursue_joints),
-    ENTRY(reserve_arm),    ENTRY(roll_stop),   ENTRY(solve_arm),
+    ENTRY(brakes_outside), ENTRY(follow_arm),    ENTRY(halt_vector), ENTRY(place_arm),
+    ENTRY(pursue_joints),  ENTRY(pursue_vector), ENTRY(reserve_arm), ENTRY(roll_stop),
+    ENTRY(solve_arm),      ENTRY(stop_clearance),
     LAST_ENTRY,
 };

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from orientd.driver import ZERO, AxisLimits, Joints, Vector3
 from orientd.floats import plus
-from orientd.servo.motion_law import first_change
+from orientd.servo.double_s import first_change
 from orientd.stream.records import ServoLimits
 
 _LEAST_RELEASE = 0.3
@@ -124,7 +124,7 @@ def released(
 ) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
-    The speed falls as in :func:`~orientd.servo.motion_law.first_change`, as fast as the jerk
+    The speed falls as in :func:`~orientd.servo.double_s.first_change`, as fast as the jerk
     along the path allows.
 
     Args:

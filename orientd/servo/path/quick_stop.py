@@ -26,8 +26,8 @@ from math import ceil
 
 from orientd.driver import ZERO, AxisLimits, Joints
 from orientd.floats import combine, cross, dot, norm, plus
+from orientd.servo.double_s import stop_phases
 from orientd.servo.guard import Guard
-from orientd.servo.motion_law import stop_phases
 from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
 from orientd.servo.path.segment import STANDING, Segment, joints_at

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from math import ceil, copysign
 
-from orientd.servo.motion_law import first_change
+from orientd.servo.double_s import first_change
 
 
 def records_to_stop(brake_rate: float, period: float) -> int:

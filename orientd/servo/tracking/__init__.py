@@ -8,9 +8,9 @@ the body. Its jerk also jumps within a cycle, so the backward differences of the
 not determined.
 
 Here the state *is* the chain of backward differences that the guard checks.  A limit is kept
-because no other state is ever chosen (:mod:`orientd.servo.motion_law`).  The tests compare with
+because no other state is ever chosen (:mod:`orientd.servo.tracking.law`).  The tests compare with
 ruckig, whose duration about one axis is the optimum.
 
-Other packages import from ``chunks``, ``quintic``, ``spline``, ``target_follower``,
+Other packages import from ``chunks``, ``law``, ``quintic``, ``spline``, ``target_follower``,
 ``targets`` and ``tracker``.
 """

@@ -27,7 +27,6 @@ from orientd.floats import (
     rotate_back,
 )
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.tracking.stop_rollout import Arc, rotated
 
 _TOUCHING = 1e-6
 """Angle by which a path that only touches an edge may seem to cross it, rad."""
@@ -46,6 +45,46 @@ _FAR = 0.1
 
 _OUT = 4e-4
 """Distance inside the edge from which on the axis turns straight outwards, rad."""
+
+
+class Arc:
+    """The cosine between an axis that turns about *u* and a direction, over the angle of the turn.
+
+    Args:
+        p: unit vector that turns.
+        u: unit vector of the axis of the turn.
+        d: unit vector of the direction.
+    """
+
+    __slots__ = ("k0", "k1", "k2")
+
+    def __init__(self, p: Vector3, u: Vector3, d: Vector3) -> None:
+        # Written out: a cycle near cones needs some twenty of them.
+        x, y, z = p
+        a, b, c = u
+        e, f, g = d
+        self.k0 = (a * x + b * y + c * z) * (a * e + b * f + c * g)
+        self.k1 = x * e + y * f + z * g - self.k0
+        self.k2 = (b * z - c * y) * e + (c * x - a * z) * f + (a * y - b * x) * g
+
+    def at(self, angle: float) -> float:
+        """Return the cosine after a turn by *angle*."""
+        return self.k0 + self.k1 * cos(angle) + self.k2 * sin(angle)
+
+    def largest(self, angle: float) -> float:
+        """Return its largest value on a turn by *angle*, at most 2 pi, without the beginning."""
+        top = atan2(self.k2, self.k1)
+        if (top if top >= 0.0 else top + tau) < angle:
+            return self.k0 + sqrt(self.k1 * self.k1 + self.k2 * self.k2)
+        return self.at(angle)
+
+    def first(self, cosine: float) -> float:
+        """Return the angle at which *cosine* is reached from below; zero if it is exceeded."""
+        height = sqrt(self.k1 * self.k1 + self.k2 * self.k2)
+        if self.k0 + self.k1 >= cosine:
+            return 0.0
+        share = (cosine - self.k0) / height
+        return max(atan2(self.k2, self.k1) % tau - acos(min(share, 1.0)), 0.0)
 
 
 class _Circle(NamedTuple):
@@ -340,3 +379,9 @@ def _leaving(p: Vector3, goal: Vector3, one: _Circle, side: float) -> float:
     if distance <= one.angle or one.angle >= 0.5 * pi:
         return azimuth
     return max(azimuth - acos(max(min(tan(one.angle) / tan(distance), 1.0), -1.0)), 0.0)
+
+
+def rotated(v: Vector3, u: Vector3, angle: float) -> Vector3:
+    """Return *v* turned by *angle* about the unit vector *u*."""
+    c, s = cos(angle), sin(angle)
+    return plus(combine(v, c, cross(u, v), s), u, dot(u, v) * (1.0 - c))

@@ -7,11 +7,11 @@ from typing import NamedTuple, Protocol
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, norm
-from orientd.servo.motion_law import TrackingLimits
 from orientd.servo.tracking.preview import Motion, Preview, PreviewState
 from orientd.servo.tracking.quintic import Knot
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
+from orientd.stream.records import ServoLimits
 
 _MET = 0.02
 """Largest distance from its target at which the device has met it, rad."""
@@ -70,10 +70,10 @@ class Guidance:
         self._period_ns = round(period * 1e9)
         self.reference = Reference(period)
 
-    def begin(self, limits: TrackingLimits, units: Vector3, linear: TrackingLimits) -> None:
-        """Begin without targets; chunks are joined within these limits, see :class:`.Preview`."""
+    def begin(self, servo_limits: ServoLimits) -> None:
+        """Begin without targets; chunks are joined within *servo_limits*."""
         self.reference.clear()
-        self.preview = Preview(self._period, limits, units, linear)
+        self.preview = Preview(self._period, servo_limits)
         self._forget()
 
     @property

@@ -19,7 +19,7 @@ While the joints catch up with a target, the tool leaves its straight line.
 from __future__ import annotations
 
 from array import array
-from math import ceil, dist, nan, sqrt
+from math import ceil, dist, nan
 
 from orientd import kernels
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
@@ -30,9 +30,9 @@ from orientd.mechanism.following import USABLE
 from orientd.mechanism.mechanism import Mechanism, Rows
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones, Room
-from orientd.servo.motion_law import NO_LIMITS, limits_of, softened
 from orientd.servo.tracking.detour import Detour
 from orientd.servo.tracking.guidance import Guidance, Place
+from orientd.servo.tracking.law import FULL, NO_LIMITS, Need, gains_of
 from orientd.servo.tracking.preview import PreviewState
 from orientd.servo.tracking.stop_filter import RESERVE
 from orientd.servo.tracking.targets import JUMP, ReferenceState, Target
@@ -65,49 +65,14 @@ STILL = 1e-8
 SAME_POSE = 1e-9
 """Largest difference of equal poses, rad or m."""
 
-NEED_MEMORY = 1.5
-"""Time over which the need of the reference is averaged, s."""
-
-LEAST_SPARE = 0.1
-"""Share of a limit that corrections may always use."""
-
 _REFUSED = {
     1: "{axis} is at the end of its range, {value:.4g} rad",
     10: "a stop would enter a keep-out cone",
 }
 """Messages about stops, by the kinds of ``kernels/c/chain.h`` that an operator can change."""
 
-_FULL = (1.0, 1.0, 1.0)
 _NO_CONES = Rows(1, 7, (0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -4.0))
 """A cone that nothing is inside of."""
-
-
-class Need:
-    """The share of each limit that the reference itself takes: the amplitude of a sine, not noise.
-
-    That is the square root of twice the mean square of the last time.
-    """
-
-    def __init__(self, period: float) -> None:
-        self._gain = period / NEED_MEMORY
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin with a reference that needs nothing."""
-        self._squares = [0.0, 0.0, 0.0]
-        self._weight = 0.0
-        self.spare = _FULL
-
-    def note(self, taken: array[float]) -> None:
-        """Note the shares of velocity, acceleration and jerk that the reference takes now."""
-        self._weight += self._gain * (1.0 - self._weight)
-        spare = []
-        for place, share in enumerate(taken):
-            square = min(share, 1.0) ** 2
-            self._squares[place] += self._gain * (square - self._squares[place])
-            need = sqrt(2.0 * self._squares[place] / self._weight)
-            spare.append(max(1.0 - need, LEAST_SPARE))
-        self.spare = (spare[0], spare[1], spare[2])
 
 
 class JointTracker:
@@ -152,8 +117,7 @@ class JointTracker:
         self._strain = array("d", bytes(32))
         self._need = Need(h)
         slowest = min(HARDEST, *(axis.acceleration for axis in mechanism.axes))
-        limits = ServoLimits(1.0, slowest, slowest / h, 0.0, 0.0, 1.0)
-        self._rest, _ = limits_of(limits, h)
+        self._rest = gains_of(slowest, slowest / h, h)
         self._detour = None if cones is None else Detour(cones, h)
         self._room = None if cones is None else Room(cones)
         self._put_in_force(NO_LIMITS)
@@ -428,10 +392,11 @@ class JointTracker:
     def _pursue(self, reference: Rows, *, is_way: bool) -> None:
         """Find the accelerations to aim at, towards joints or along a way."""
         if len(reference) > 1:
-            limits, spare = softened(self._rest, self._guidance.reference.delay), self._need.spare
+            gains = self._rest.softened(self._guidance.reference.delay, self._period)
+            spare = self._need.spare
         else:
-            limits, spare = self._rest, _FULL
-        following = array("d", (CAUTION, limits.approach, limits.settle, limits.share, *spare))
+            gains, spare = self._rest, FULL
+        following = array("d", (CAUTION, *gains, *spare))
         kernels.pursue_joints(
             self._chain,
             self._axes.view,

@@ -21,9 +21,10 @@ from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, dot, norm, plus
-from orientd.servo.motion_law import TrackingLimits, divided
-from orientd.servo.tracking.quintic import Knot, Piece
+from orientd.servo.tracking.law import Law
+from orientd.servo.tracking.quintic import Knot, Piece, Quintic
 from orientd.servo.tracking.reference import Arrivals
+from orientd.stream.records import ServoLimits
 
 BRIDGE_NS = 100_000_000
 """How long a seam takes at least, if the chunk reaches so far.  Two chunks of one policy differ by
@@ -133,20 +134,13 @@ class Preview:
         position_lag: delay of the position.
     """
 
-    def __init__(
-        self, period: float, limits: TrackingLimits, units: Vector3, linear: TrackingLimits
-    ) -> None:
-        """Know nothing yet.
-
-        Args:
-            period: of a cycle, s.
-            limits: of the orientation, in *units* along the axes.
-            units: see :func:`~orientd.servo.motion_law.limits_of`.
-            linear: limits of the position.
-        """
+    def __init__(self, period: float, servo_limits: ServoLimits) -> None:
+        """Know nothing yet; seams keep *servo_limits*, for one setpoint per *period* seconds."""
         self._period = period
         self._period_ns = round(period * 1e9)
-        self._limits, self._units, self._linear = limits, units, linear
+        self._turning, self._moving = Law(period), Law(period)
+        self._turning.limit_turn(servo_limits)
+        self._moving.limit_position(servo_limits)
         self.clear()
 
     def clear(self) -> None:
@@ -238,9 +232,7 @@ class Preview:
 
     def _eased(self, knot: Knot) -> Knot:
         """Return a knot no faster than the limits: a curve through an outlier swings less."""
-        limits = self._limits
-        speed = norm(divided(knot.omega, self._units)) / limits.velocity
-        change = norm(divided(knot.alpha, self._units)) / limits.acceleration
+        speed, change = (self._turning.share(k, v) for k, v in enumerate((knot.omega, knot.alpha)))
         if max(speed, change) <= 1.0:
             return knot
         return knot._replace(
@@ -309,16 +301,11 @@ class Preview:
 
     def _excess(self, piece: Piece) -> float:
         """Return how many times a seam needs what it may use of any limit."""
-        span, units = piece.span, self._units
-        turning = _most(self._limits, span)
-        moving = _most(self._linear, span) if self.has_positions else None
         excess = 0.0
         for u in _LOOKS:
-            for rate, most in zip(piece.turn.derivatives(u), turning, strict=True):
-                excess = max(excess, norm(divided(rate, units)) / most)
-            if moving is not None:
-                for rate, most in zip(piece.way.derivatives(u), moving, strict=True):
-                    excess = max(excess, norm(rate) / most)
+            excess = max(excess, _need(self._turning, piece.turn, u, piece.span))
+            if self.has_positions:
+                excess = max(excess, _need(self._moving, piece.way, u, piece.span))
         return excess
 
     def _piece_at(self, time_ns: int) -> Piece:
@@ -375,13 +362,12 @@ class Preview:
         return Motion(q2, omega, alpha, p2, velocity, acceleration)
 
 
-def _most(limits: TrackingLimits, span: float) -> tuple[float, float, float]:
-    """Return the largest derivatives of a seam by the share of its *span*, s."""
-    return (
-        SHARE * limits.velocity * span,
-        SHARE * limits.acceleration * span**2,
-        limits.jerk * span**3,
+def _need(law: Law, way: Quintic, u: float, span: float) -> float:
+    """Return how many times a way of *span* s needs at *u* what a seam may use of any limit."""
+    velocity, acceleration, jerk = (
+        law.share(k, rate) / span ** (k + 1) for k, rate in enumerate(way.derivatives(u))
     )
+    return max(velocity / SHARE, acceleration / SHARE, jerk)
 
 
 def _time_of(knot: Knot) -> int:

@@ -1,7 +1,7 @@
 """Keep tracked motion where a stop ends outside of the keep-out cones.
 
-In every cycle the quickest stop from the next setpoint is foreseen
-(:mod:`orientd.servo.tracking.stop_rollout`).  If it would enter a cone, the step takes only a part
+In every cycle the quickest stop from the next setpoint is rolled out
+(``kernels/c/vector.h``).  If it would enter a cone, the step takes only a part
 of the wanted change of velocity, so that the stop from there just stays outside.  The stop itself
 is always such a step, so the device can stop outside at any time.
 """
@@ -12,19 +12,15 @@ from math import acos
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, cross, dot, norm, plus, rotate_back
+from orientd.mechanism.mechanism import Rows
 from orientd.servo.keep_out_cones import KeepOutCones, Room
-from orientd.servo.motion_law import TrackingLimits, advance, halt, stopping_angle
-from orientd.servo.tracking.stop_rollout import Obstacle, least_margin, stop_turns
+from orientd.servo.tracking.law import Law
 
 RESERVE = 9e-4
 """Least angle outside of a cone that a stop keeps, rad: 0.05 degrees."""
 
-_COARSE = 0.2
-"""Addition to it, in units of acceleration times period squared: the stop is foreseen in continuous
-time."""
-
 _AGREEING = 2e-5
-"""How much nearer a stop may come than foreseen, rad: the stop is not exactly as foreseen."""
+"""How much nearer a stop may come than foreseen, rad: a cone may turn."""
 
 _PUSHES = (0.25, 1.0)
 """Shares of the largest acceleration away from a cone that are tried in turn."""
@@ -39,44 +35,36 @@ class StopFilter:
 
     Attributes:
         room: distance to the nearest cone at the last setpoint.
-        reserve: angle outside of a cone that a stop keeps, rad.
     """
 
     def __init__(self, cones: KeepOutCones, period: float) -> None:
         self._cones = cones
         self._period = period
         self.room = Room(cones)
-        self.reserve = RESERVE
-
-    def begin(self, limits: TrackingLimits, units: Vector3) -> None:
-        """Begin with other limits, those of the law in *units*."""
-        self._units = units
-        self.reserve = RESERVE + _COARSE * limits.acceleration * self._period**2
-        self.room.forget()
 
     def filtered(
-        self, q: Quaternion, omega: Vector3, alpha: Vector3, wanted: Vector3, limits: TrackingLimits
+        self, q: Quaternion, omega: Vector3, alpha: Vector3, wanted: Vector3, law: Law
     ) -> Vector3:
         """Return the acceleration of the next step, *wanted* or nearer to that of a stop.
 
         Args:
             q: the last setpoint.
-            omega: angular velocity of the last step, in the units of the law.
-            alpha: angular acceleration of the last two steps, in the units of the law.
+            omega: angular velocity of the last step, rad/s.
+            alpha: angular acceleration of the last two steps, rad/s^2.
             wanted: acceleration of the next step, which the limits allow.
-            limits: limits of the step.
+            law: has the limits of the step.
         """
-        near = self._near(q, omega, limits)
-        if not near:
+        near = self._near(q, omega, law)
+        if near is None:
             return wanted
 
-        def margin(alpha: Vector3) -> float:
-            return self._margin(omega, alpha, limits, near)
+        def margin(change: Vector3) -> float:
+            return law.stop_clearance(plus(omega, change, self._period), change, near)
 
         missing = -margin(wanted)
         if missing <= 0.0:
             return wanted
-        braked = halt(omega, alpha, limits)[1]
+        braked = law.halt(omega, alpha)
         found = margin(braked)
         if found > 0.0:
             # The margin is nearly linear in between.
@@ -85,9 +73,9 @@ class StopFilter:
             return part if margin(part) >= -_AGREEING else braked
         if found >= -_AGREEING:
             return braked
+        outwards = _outwards(near)
         for push in _PUSHES:
-            aside = plus(braked, _outwards(near), push * limits.acceleration)
-            aside = advance(omega, alpha, aside, limits)
+            aside = law.halt(omega, alpha, plus(ZERO, outwards, push * law.acceleration))
             better = margin(aside)
             if better > found:
                 braked, found = aside, better
@@ -95,40 +83,31 @@ class StopFilter:
                 break
         return braked
 
-    def is_clear(self, q: Quaternion, omega: Vector3, limits: TrackingLimits) -> bool:
+    def is_clear(self, q: Quaternion, omega: Vector3, law: Law) -> bool:
         """Return whether no stop reaches a cone, in whatever direction."""
-        return not self._near(q, omega, limits)
+        return self._near(q, omega, law) is None
 
-    def _margin(
-        self, omega: Vector3, alpha: Vector3, limits: TrackingLimits, near: list[Obstacle]
-    ) -> float:
-        """Return by how much a stop stays clear after a step with *alpha*, rad."""
-        after = plus(omega, alpha, self._period)
-        return least_margin(stop_turns(after, alpha, limits, self._units), near)
-
-    def _near(self, q: Quaternion, omega: Vector3, limits: TrackingLimits) -> list[Obstacle]:
-        """Return the cones that a stop from the next step may reach."""
-        h, most, jerk = self._period, limits.acceleration, limits.jerk
-        # In its own units the law never turns by less than in radians.
-        speed = norm(omega) + h * most
-        reach = stopping_angle(speed, most, most, jerk) + h * speed + self.reserve
+    def _near(self, q: Quaternion, omega: Vector3, law: Law) -> Rows | None:
+        """Return the cones that a stop from the next step may reach; ``None`` for none."""
+        reach = law.reach(omega) + RESERVE
         if not self.room.is_within(q, reach):
-            return []
-        near = []
+            return None
+        near: list[float] = []
         cones = self._cones
         found = cones.clearances(q)
         for one, direction, clearance in zip(cones.cones, cones.directions, found, strict=True):
             if clearance <= reach:
                 # From inside, the tool must not come any nearer.
-                angle = one.half_angle + min(self.reserve, clearance)
-                near.append(Obstacle(one.axis, rotate_back(q, direction), angle))
-        return near
+                angle = one.half_angle + min(RESERVE, clearance)
+                near += (*one.axis, *rotate_back(q, direction), angle)
+        return Rows(len(near) // 7, 7, near) if near else None
 
 
-def _outwards(near: list[Obstacle]) -> Vector3:
+def _outwards(near: Rows) -> Vector3:
     """Return the axis of the turn away from cones, the nearest ones first; of length 1 or zero."""
     total = ZERO
-    for axis, direction, angle in near:
+    for a, b, c, x, y, z, angle in (near[row] for row in range(len(near))):
+        axis, direction = (a, b, c), (x, y, z)
         away = cross(direction, axis)
         size = norm(away)
         if size > 1e-9:

@@ -1,7 +1,6 @@
 """Follow targets: from the ring where they arrive to the setpoint of the cycle.
 
-The position follows its target by the law of the orientation (:mod:`orientd.servo.motion_law`),
-with the linear limits.
+The position follows its target by the law of the orientation, with the linear limits.
 
 An arm follows with its joints instead (:class:`.JointTracker`).
 """
@@ -10,21 +9,13 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from math import dist
+from math import dist, inf
 
 from orientd.driver import ZERO, Joints, Vector3
-from orientd.floats import combine, dot, norm, plus
+from orientd.floats import combine, norm, plus
 from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.motion_law import (
-    NO_LIMITS,
-    advance,
-    linear_limits_of,
-    loosened,
-    softened,
-    stopping_angle,
-)
 from orientd.servo.tracking.chunks import (
     Chunk,
     clear_report,
@@ -35,8 +26,8 @@ from orientd.servo.tracking.chunks import (
 )
 from orientd.servo.tracking.guidance import Place
 from orientd.servo.tracking.joint_tracker import JointTracker
+from orientd.servo.tracking.law import NO_LIMITS, SLACK, Course, Law
 from orientd.servo.tracking.preview import Motion
-from orientd.servo.tracking.steering import position_command
 from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream.records import HELD_WORD, LEFT_OUT_WORD, ServoLimits
@@ -98,7 +89,7 @@ class TargetFollower:
         self._period_ns = round(guard.period * 1e9)
         self._most_read = max(TARGETS_PER_CYCLE, round(TARGETS_READ * guard.period))
         self._landing: Target | None = None
-        self._linear = self._soft_linear = linear_limits_of(NO_LIMITS, guard.period)
+        self._linear = Law(guard.period)
 
     @property
     def hindrance(self) -> str:
@@ -137,7 +128,7 @@ class TargetFollower:
         Raises:
             NotYetError: the axes have no stop from here that keeps every limit.
         """
-        guard, h = self._guard, self._guard.period
+        guard = self._guard
         is_of_joints = False
         if self.joint_tracker is not None and joints:
             continues = self.is_on and self._is_of_joints
@@ -146,8 +137,7 @@ class TargetFollower:
         self._is_of_joints = is_of_joints
         self.limits = servo_limits
         self.tracker.begin(guard.q, guard.omega, guard.alpha, servo_limits)
-        self._linear = linear_limits_of(servo_limits, h)
-        self._soft_linear = softened(self._linear, 0.0)
+        self._linear.limit_position(servo_limits)
         self._next, self._next_chunk = self._ring.head, self._chunks.head
         self._waiting.clear()
         clear_report(self._chunks)
@@ -214,32 +204,26 @@ class TargetFollower:
         place = guidance.place
         if place is None:
             return None
-        guard, limits, h = self._guard, self._linear, self._guard.period
+        guard, law, h = self._guard, self._linear, self._guard.period
         if guidance.end is not None and guidance.end[0].position is not None:
             target, left = guidance.end
             speed = norm(guard.velocity)
             if speed > 0.0 and target != self._landing and target.position is not None:
-                rate = dot(guard.acceleration, guard.velocity) / speed
-                stop = stopping_angle(speed, rate, limits.acceleration, limits.jerk)
-                stop += 2.0 * h * speed
+                stop = law.stopping_way(guard.velocity, guard.acceleration) + 2.0 * h * speed
                 if dist(guard.position, target.position) <= stop >= 0.5 * left * speed:
                     self._landing = target
             if self._landing == target and target.position is not None:
                 place = Place(target.position, ZERO)
+        course = Course(place.velocity, place.acceleration, place.next_acceleration)
         is_moving = place.velocity != ZERO or place.next_acceleration != ZERO
+        gains, slack = (law.rest.softened(0.0, h), SLACK) if is_moving else (law.rest, inf)
         way = plus(place.position, guard.position, -1.0)
-        wanted, is_linear = position_command(
-            way,
-            guard.velocity,
-            guard.acceleration,
-            place.velocity,
-            place.acceleration,
-            self._soft_linear if is_moving else limits,
-        )
-        if is_linear:
-            wanted = plus(wanted, plus(place.next_acceleration, place.acceleration, -1.0), 1.0)
-        loose = loosened(limits, guard.velocity, guard.acceleration)
-        acceleration = advance(guard.velocity, guard.acceleration, wanted, loose)
+        state = way, guard.velocity, guard.acceleration
+        acceleration = law.pursue(state, course, gains, slack=slack)
+        if is_moving:
+            law.need.note(law.taken)
+        else:
+            law.need.forget()
         velocity = plus(guard.velocity, acceleration, h)
         return plus(guard.position, velocity, h)
 

@@ -9,34 +9,25 @@ from typing import NamedTuple
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.motion_law import (
-    NO_LIMITS,
-    TrackingLimits,
-    advance,
-    divided,
-    halt,
-    halt_inside,
-    limits_of,
-    linear_limits_of,
-    loosened,
-    softened,
-    stopping_angle,
-    times,
-)
 from orientd.servo.tracking.detour import Detour
 from orientd.servo.tracking.guidance import Guidance
+from orientd.servo.tracking.law import NO_LIMITS, SLACK, Calm, Course, Gains, Law
 from orientd.servo.tracking.preview import Motion, Preview, PreviewState
 from orientd.servo.tracking.quintic import Knot
-from orientd.servo.tracking.steering import AccelerationCap, position_command
-from orientd.servo.tracking.stop_filter import StopFilter
+from orientd.servo.tracking.stop_filter import RESERVE, StopFilter
 from orientd.servo.tracking.targets import ReferenceState, Target
 from orientd.stream.records import ServoLimits
 
 _ARRIVED = 1e-8
 """Angular velocity below which the device stands, rad/s."""
 
-_DELAY_STEP = 1e-3
-"""Change of the delay that updates the gains, s."""
+_STILL = 1e-12
+"""Angular velocity that counts as zero, rad/s: a thousandth of the guard's rounding."""
+
+_TWIST = 0.03
+"""Time over which the jerk of the targets is averaged, s."""
+
+_REST = Course(ZERO, ZERO, ZERO)
 
 
 class TrackPoint(NamedTuple):
@@ -69,7 +60,8 @@ class Tracker:
         self._filter = None if cones is None else StopFilter(cones, period)
         self._period_ns = round(period * 1e9)
         self.guidance = Guidance(period)
-        self._cap = AccelerationCap(period)
+        self._law = Law(period)
+        self._calm = Calm(period)
         self.begin(IDENTITY, ZERO, ZERO, NO_LIMITS)
 
     def begin(
@@ -83,26 +75,18 @@ class Tracker:
 
         The rates are backward differences.  A motion beyond the limits is slowed down first.
         """
-        self._servo_limits = servo_limits
-        self._limits, self._units = limits_of(servo_limits, self._period)
-        # The law's state is in its own units.
-        self._q = q
-        self._omega = divided(omega_body, self._units)
-        self._alpha = divided(alpha_body, self._units)
-        linear = linear_limits_of(servo_limits, self._period)
-        self.guidance.begin(self._limits, self._units, linear)
-        self._cap.release()
+        self._law.limit_turn(servo_limits)
+        self._q, self._omega, self._alpha = q, omega_body, alpha_body
+        self.guidance.begin(servo_limits)
+        self._calm.release()
         self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
         if self._filter is not None:
-            self._filter.begin(self._limits, self._units)
-        self._soften(0.0)
-        self._loose = loosened(self._limits, self._omega, self._alpha)
+            self._filter.room.forget()
 
     def rest(self, q: Quaternion) -> None:
         """Continue from rest at *q*, with the previous target."""
         self._q, self._omega, self._alpha = q, ZERO, ZERO
-        self._loose = self._limits
         if self._filter is not None:
             self._filter.room.forget()
 
@@ -139,8 +123,8 @@ class Tracker:
         Returns:
             An empty string, or why it was refused.
         """
-        units, sent_ns = self._units, now_ns - self._period_ns
-        sent = Motion(self._q, times(self._omega, units), times(self._alpha, units), *moving)
+        sent_ns = now_ns - self._period_ns
+        sent = Motion(self._q, self._omega, self._alpha, *moving)
         problem = self.guidance.take_chunk(knots, sent, sent_ns, has_positions=has_positions)
         if not problem:
             self._forget()
@@ -152,140 +136,128 @@ class Tracker:
         self._forget()
 
     def _forget(self) -> None:
+        self._twist = self._last_alpha = ZERO
+        self._law.need.forget()
         if self._detour is not None:
             self._detour.forget()
 
     def step(self, now_ns: int) -> TrackPoint:
         """Return the setpoint of the cycle with deadline *now_ns*."""
-        if self._loose is not self._limits:
-            self._loose = loosened(self._limits, self._omega, self._alpha)
         found = self.guidance.look(now_ns, self)
         if found is None:
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self.guidance.awaits
                 return TrackPoint(self._q, ZERO, ZERO)
-            omega, alpha = self._stopped()
-            wish = self._filtered(alpha)
-            return self._move(
-                omega if wish is alpha else plus(self._omega, wish, self._period), wish
-            )
-        self.is_at_rest = False
-        if isinstance(found, PreviewState):
-            wanted = self._wanted_ahead(found)
+            if norm(self._omega) < _STILL and norm(self._alpha) * self._period < _STILL:
+                return self._move(ZERO, ZERO)
+            alpha = self._law.halt(self._omega, self._alpha)
         else:
-            wanted = self._wanted(found)
-        alpha = self._filtered(advance(self._omega, self._alpha, wanted, self._loose))
+            self.is_at_rest = False
+            alpha = self._ahead(found) if isinstance(found, PreviewState) else self._towards(found)
+        if self._filter is not None:
+            alpha = self._filter.filtered(self._q, self._omega, self._alpha, alpha, self._law)
         return self._move(plus(self._omega, alpha, self._period), alpha)
-
-    def _filtered(self, alpha: Vector3) -> Vector3:
-        """Return an acceleration of the next step from which a stop ends outside of the cones."""
-        if self._filter is None:
-            return alpha
-        return self._filter.filtered(self._q, self._omega, self._alpha, alpha, self._loose)
 
     @property
     def is_clear(self) -> bool:
         """Whether no stop from the last setpoint reaches a keep-out cone."""
-        return self._filter is None or self._filter.is_clear(self._q, self._omega, self._loose)
-
-    def _stopped(self) -> tuple[Vector3, Vector3]:
-        """Return velocity and acceleration after one more cycle towards rest."""
-        if not self._servo_limits.has_axes:
-            return halt(self._omega, self._alpha, self._loose)
-        units = self._units
-        omega, alpha = times(self._omega, units), times(self._alpha, units)
-        omega, alpha = halt_inside(omega, alpha, self._servo_limits, self._period)
-        return divided(omega, units), divided(alpha, units)
+        return self._filter is None or self._filter.is_clear(self._q, self._omega, self._law)
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
-        """Turn for a period; all in the law's units."""
+        """Turn for a period."""
         self._omega, self._alpha = omega, alpha
         if self._filter is not None:
-            # In its own units the law never turns by less than in radians.
             self._filter.room.shrink(norm(omega) * self._period)
-        omega = times(omega, self._units)
         self._q = normalize(multiply(self._q, exp(plus(ZERO, omega, self._period))))
-        return TrackPoint(self._q, omega, times(alpha, self._units))
+        return TrackPoint(self._q, omega, alpha)
 
     def moving(self) -> tuple[Quaternion, float]:
         """Return the orientation of the last setpoint, and its angular speed, rad/s."""
-        return self._q, norm(times(self._omega, self._units))
+        return self._q, norm(self._omega)
 
     def must_brake(self, target: Target, left: float) -> bool:
         """Return whether a stop that begins later would pass the end *target*, *left* s before."""
         speed = norm(self._omega)
         if speed < _ARRIVED:
             return False
-        way = divided(difference(self._q, target.q), self._units)
-        along, rate = dot(way, self._omega) / speed, dot(self._alpha, self._omega) / speed
+        along = dot(difference(self._q, target.q), self._omega) / speed
         # The next setpoint continues to turn for two cycles.
-        stop = stopping_angle(speed, rate, self._limits.acceleration, self._limits.jerk)
-        stop += 2.0 * self._period * speed
+        stop = self._law.stopping_way(self._omega, self._alpha) + 2.0 * self._period * speed
         return speed * left <= 2.0 * stop and along <= stop
 
-    def _wanted(self, found: ReferenceState) -> Vector3:
-        """Return the acceleration to aim at, to follow the target, in the law's units."""
-        units, cap = self._units, self._cap
+    def _towards(self, found: ReferenceState) -> Vector3:
+        """Return the acceleration of the next step towards a target."""
+        law, calm = self._law, self._calm
         around = self._around(found.q, found.omega)
         if around is not None:
-            cap.release()
             return around
-        # The velocity of a step is that of its middle.
-        middle = divided(plus(found.omega, found.alpha, -0.5 * self._period), units)
-        turn, alpha = divided(difference(self._q, found.q), units), divided(found.alpha, units)
+        turn = difference(self._q, found.q)
         if found.omega == ZERO:
-            cap.release()
-            return position_command(turn, self._omega, self._alpha, middle, alpha, self._limits)[0]
-        limits, needed = self._softened(), inf
+            return self._closing_in(turn, law.rest)
+        # The velocity of a step is that of its middle.
+        middle = plus(found.omega, found.alpha, -0.5 * self._period)
+        gains, needed = self._soft, inf
         if self.guidance.reference.is_disturbed:
             relative = norm(plus(self._omega, middle, -1.0))
-            needed = limits.settle * max(limits.approach * norm(turn), relative)
-        margin = cap.margin(alpha, needed, limits.acceleration)
-        alpha = plus(alpha, divided(found.lead, units), 1.0)
-        wanted, is_linear = position_command(
-            turn, self._omega, self._alpha, middle, alpha, limits, margin
-        )
-        return cap.capped(wanted, is_linear=is_linear)
+            needed = gains.settle * max(gains.approach * norm(turn), relative)
+        calm.note(found.alpha, needed, law.acceleration)
+        change = plus(found.alpha, found.lead, 1.0)
+        course = Course(middle, change, change)
+        state = turn, self._omega, self._alpha
+        alpha = law.pursue(state, course, gains, calm=calm, slack=SLACK)
+        self._note_twist(found.alpha)
+        law.need.note(law.taken)
+        return alpha
 
-    def _wanted_ahead(self, found: PreviewState) -> Vector3:
-        """Return the acceleration to aim at, to follow what is known ahead, in the law's units."""
-        units = self._units
+    def _note_twist(self, alpha: Vector3) -> None:
+        """Note the acceleration of the target, for the share of the jerk that it takes."""
+        law, h = self._law, self._period
+        share = h / _TWIST
+        jerk = combine(alpha, 1.0 / h, self._last_alpha, -1.0 / h)
+        self._twist = combine(self._twist, 1.0 - share, jerk, share)
+        self._last_alpha = alpha
+        law.taken[2] = law.share(2, self._twist)
+
+    def _ahead(self, found: PreviewState) -> Vector3:
+        """Return the acceleration of the next step along what is known ahead."""
+        law = self._law
         around = self._around(found.q, found.omega)
         if around is not None:
             return around
-        turn, omega = divided(difference(self._q, found.q), units), divided(found.omega, units)
-        alpha, following = divided(found.alpha, units), divided(found.next_alpha, units)
-        limits = self._limits if found.omega == ZERO == found.next_alpha else self._softened()
-        wanted, is_linear = position_command(turn, self._omega, self._alpha, omega, alpha, limits)
-        # Close to the reference the next step is that of the reference.
-        return plus(wanted, combine(following, 1.0, alpha, -1.0), 1.0) if is_linear else wanted
+        turn = difference(self._q, found.q)
+        if found.omega == ZERO == found.next_alpha:
+            return self._closing_in(turn, law.rest)
+        course = Course(found.omega, found.alpha, found.next_alpha)
+        alpha = law.pursue((turn, self._omega, self._alpha), course, self._soft)
+        law.need.note(law.taken)
+        return alpha
+
+    def _closing_in(self, turn: Vector3, gains: Gains) -> Vector3:
+        """Return the acceleration of the next step along a turn that ends at rest."""
+        self._calm.release()
+        self._twist = self._last_alpha = ZERO
+        self._law.need.forget()
+        return self._law.pursue((turn, self._omega, self._alpha), _REST, gains)
 
     def _around(self, target: Quaternion, omega: Vector3) -> Vector3 | None:
-        """Return the acceleration to aim at, around keep-out cones; ``None`` for the direct path.
+        """Return the acceleration of the next step around keep-out cones.
 
-        *omega* is the target's angular velocity.
+        ``None`` for the direct path.  *omega* is the target's angular velocity.
         """
         if self._detour is None or self._filter is None:
             return None
         away = norm(difference(self._q, target))
         # Targets keep farther away than stops, which then leave the law alone.
-        reserve = 2.0 * self._filter.reserve
+        reserve = 2.0 * RESERVE
         if not self._filter.room.is_within(self._q, away + reserve):
             self._detour.forget()
             return None
         turn = self._detour.turn(self._q, target, reserve)
         if turn is None:
             return None
-        limits = self._limits if omega == ZERO else self._softened()
-        turn = divided(turn, self._units)
-        return position_command(turn, self._omega, self._alpha, ZERO, ZERO, limits)[0]
+        return self._closing_in(turn, self._law.rest if omega == ZERO else self._soft)
 
-    def _softened(self) -> TrackingLimits:
-        """Return the limits and gains for a moving target, at the present delay."""
-        delay = self.guidance.reference.delay
-        if abs(delay - self._soft_for) > _DELAY_STEP:
-            self._soften(delay)
-        return self._soft
-
-    def _soften(self, delay: float) -> None:
-        self._soft, self._soft_for = softened(self._limits, delay), delay
+    @property
+    def _soft(self) -> Gains:
+        """The gains for a moving target, at the present delay."""
+        return self._law.rest.softened(self.guidance.reference.delay, self._period)

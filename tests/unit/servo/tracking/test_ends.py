@@ -8,7 +8,7 @@ import pytest
 from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import difference, exp, multiply, norm
-from orientd.servo.motion_law import stopping_angle
+from orientd.servo.double_s import stopping_angle
 from orientd.servo.tracking.targets import Target
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)
@@ -231,7 +231,7 @@ def test_wherever_targets_end_the_device_ends_there(seed):
     rate *= min(1.0, 2.5 / (rate * seconds))
     world = World(limits, rng.choice([125, 250, 500]))
     last, points = stream(world, rate, hz, seconds, live=live, ahead=ahead, axis=axis, after=4.0)
-    bound = world.tracker._limits
+    bound = world.limits
     overdue = 0.0 if ahead else 1.25 / hz + 2 * world.period
     most = stopping_angle(rate, 0.0, bound.acceleration, bound.jerk) + rate * (
         overdue + 2 * world.period

@@ -1,10 +1,10 @@
 """A tracker with the guard behind it, in virtual time, and streams of targets for it."""
 
 from orientd.driver import ZERO
-from orientd.floats import difference, exp, multiply, norm, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize, plus
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.motion_law import divided, halt, limits_of, loosened, times
+from orientd.servo.tracking.law import Law
 from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import Tracker
 from orientd.stream.records import ServoLimits
@@ -19,11 +19,11 @@ def servo_limits(velocity, acceleration, jerk):
 
 def quickest_stop(q, omega, alpha, limits, period):
     """Yield setpoints that come to rest as soon as the limits allow, wherever that is."""
-    keep, units = limits_of(limits, period)
-    omega, alpha = divided(omega, units), divided(alpha, units)
-    while omega != ZERO or alpha != ZERO:
-        omega, alpha = halt(omega, alpha, loosened(keep, omega, alpha))
-        x, y, z = times(omega, units)
+    law = Law(period)
+    law.limit_turn(limits)
+    while norm(omega) > 1e-12 or norm(alpha) * period > 1e-12:
+        alpha = law.halt(omega, alpha)
+        x, y, z = omega = plus(omega, alpha, period)
         q = normalize(multiply(q, exp((x * period, y * period, z * period))))
         yield q
 
