@@ -20,12 +20,13 @@ from orientd.planner.certify.certificate import Certificate
 from orientd.planner.certify.measuring import STATE, AxisRecords, measure
 from orientd.planner.certify.summary import before, summed_up, summed_up_axes
 from orientd.planner.connect.axis_leads import followed
-from orientd.planner.connect.connector import turn_to_stop
+from orientd.planner.connect.connector import hold, turn_to_stop
 from orientd.planner.connect.leads import (
     LEAD_SHARE,
     MOST_SHARE,
     SAME_PLACE,
     Lead,
+    approach,
     join_in,
     lead_in,
     lead_out,
@@ -142,6 +143,10 @@ class PlanJob:
         return cls(
             request, start, limits, own, period, ends, halt, is_even, share, notes=notes, axes=axes
         )
+
+    def within(self, limits: Limits) -> PlanJob:
+        """Return the same job within other limits."""
+        return replace(self, limits=limits, _leads={})
 
     def with_quick_leads(self) -> PlanJob:
         """Return the same job with leads that are as short as if no time is given."""
@@ -353,22 +358,30 @@ class PlanJob:
             # A run-up from rest may overshoot the velocity.
             return find(is_direct=True)
 
-    def straight(self, start: State, end: State, near: Joints = ()) -> tuple[KeyframePath, Joints]:
-        """Return the fastest straight way from rest to rest elsewhere, and the axes at its end.
+    def straight(
+        self, start: State, end: State, near: Joints = (), *, is_part: bool = True
+    ) -> tuple[KeyframePath, Joints]:
+        """Return the fastest straight way from rest to rest, and the axes at its end.
 
         Args:
+            start: initial state.
+            end: final state; the way takes no time if it is at the same place.
             near: axis angles at its start, rad; by default those of the device's start.
+            is_part: whether it is part of a longer motion.
 
         Raises:
             PlanError: the axes do not reach it, or the limits allow no timing.
         """
-        if self.axes is None:
-            raise ValueError("the device must have axes")
+        near = near or (self.axes.joints if self.axes is not None else ())
+        move = float(np.linalg.norm(end.position - start.position))
+        if move <= SAME_PLACE and (self.axes is None or angle(start.q, end.q) <= SAME_PLACE):
+            turn = approach(start.q, end.q, self.limits, is_part=is_part) or hold(start.q, 0.0)
+            held = PositionPath.held(start.position)
+            return KeyframePath(turn, held, np.array([0.0, turn.duration])), near
         path, share = straight(start, end), min(self.lead_share / LEAD_SHARE, 1.0)
-        within = self.limits.with_reserve(share)
-        axes = self.axes.along(
-            path, near or self.axes.joints, within, self.period, share * AXIS_SHARE
-        )
+        within, axes = self.limits.with_reserve(share), NO_AXES
+        if self.axes is not None:
+            axes = self.axes.along(path, near, within, self.period, share * AXIS_SHARE)
         return quickest(path, within, self.period, has_rests=True, axes=axes), axes.end
 
     def _straight_lead(self, start: State, end: State, near: Joints) -> Lead:

@@ -38,7 +38,6 @@ from orientd.rotation import angle
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
 _QUICKEST = "the quickest timing"
-_WAIT = "a wait at the end at rest"
 _QUANTITIES = {unit: name for name, unit in UNITS.items()}
 _BELOW, _BELOW_IN_LEADS = 0.9998, 0.999  # share of a limit that the next timing uses
 _PACES = 1.0, 0.95, 0.8, 0.64  # of an even pace, until it has room for its leads
@@ -189,9 +188,7 @@ def _planned(job: PlanJob, name: str) -> Motion:
         for made in _ordered(one, refused, is_again=one is not job):
             with _noted(refused, made.attempt.name):
                 return _certified(made, name)
-    # These compare the requested duration with the shortest one.
-    knowing = refused.get(_WAIT, refused.get(_QUICKEST)) if job.request.total is not None else None
-    raise knowing or refusal.of_attempts(refused)
+    raise refusal.of_attempts(refused)
 
 
 def _ordered(job: PlanJob, refused: Refused, *, is_again: bool = False) -> Iterator[_Made]:
@@ -293,42 +290,49 @@ def _attempts(job: PlanJob, *, is_again: bool) -> list[list[_Attempt]]:
         return [[_to_single(job)]]
     next_to_ends = _next_to_moving_ends(job) if moves else []
     quick = replace(job.with_quick_leads(), is_even=False)
-    least = partial(resting.least_singly, job)
-    move_singly = partial(resting.single_moves, quick)
-    singly = _Attempt("a rest at every keyframe", move_singly, quick, least)
+    singly = _resting(quick, "a rest at every keyframe", resting.moves)
     rests = [singly] if resting.can_move_singly(job) and not is_again else []
+    usual = _Attempt(_QUICKEST, partial(_along_usual_curve, job), job)
     if request.times is not None:
         groups = [[_Attempt("the times of the request", partial(_as_timed, job), job)]]
     elif job.is_even or (moves and request.total is not None):
         groups = _evenly(job)
     elif moves or not job.has_one_shape:
-        groups = [[_Attempt(_QUICKEST, partial(_along_usual_curve, job), job)]]
+        groups = [[usual]]
     else:
-        groups = _along_curve(job)
+        groups = _along_curve(job, rests)
     if job.has_one_shape or request.times is not None or request.total is not None:
         groups.append(next_to_ends)
     else:
-        # Single moves have no even pace, and connectors with rests are about as fast.
-        is_enough = job.is_even or resting.can_rest(job)
+        # Single moves have no even pace, and turns between connectors are one of their attempts.
+        is_enough = job.is_even or request.positions is None
         near = next_to_ends if is_enough else next_to_ends + rests
         # Leads that the axes follow take long to find.
         groups = [groups[0] + near, *groups[1:]] if job.axes is None else [*groups, near]
-    groups.append(rests)
-    if request.total is not None and moves:
-        waiting = partial(resting.waiting, job, plan_it=_fastest)
-        groups.append([_Attempt(_WAIT, waiting, job)])
+    groups.append([one for one in rests if all(one not in group for group in groups)])
+    if request.total is not None and moves and not job.is_even:
+        groups.append([usual])
     return groups
 
 
 def _next_to_moving_ends(job: PlanJob) -> list[_Attempt]:
     """Return the attempts to rest at the keyframes next to moving ends, or right at these ends."""
-    braking = partial(resting.braking, job, plan_it=_fastest)
-    about = partial(resting.least_with_braking, job)
-    attempts = [_Attempt("a stop next to the moving ends", braking, job, about)]
-    if resting.can_rest(job) and job.request.times is None and not job.is_even:
-        connected, least = partial(braking, is_connected=True), partial(resting.least_singly, job)
-        attempts.insert(0, _Attempt("connectors at the ends", connected, job, least))
-    return attempts
+    stops = _resting(job, "a stop next to the moving ends", _fastest, is_connected=False)
+    if not resting.can_move_singly(job) or job.is_even:
+        return [stops]
+    return [_resting(job, "connectors at the ends", _fastest), stops]
+
+
+def _resting(
+    job: PlanJob, name: str, plan_it: resting.Planned, *, is_connected: bool = True
+) -> _Attempt:
+    """Return an attempt to rest next to moving ends; see :func:`.resting.resting`."""
+
+    def make(limits: Limits) -> KeyframePath:
+        return resting.resting(job.within(limits), plan_it, is_connected=is_connected)
+
+    least = resting.least if is_connected else resting.least_with_stops
+    return _Attempt(name, make, job, partial(least, job))
 
 
 def _to_single(job: PlanJob) -> _Attempt:
@@ -375,8 +379,13 @@ def _turn(job: PlanJob, target: State, limits: Limits) -> KeyframePath | State:
     return path if total is None else path.lasting(total)
 
 
-def _along_curve(job: PlanJob) -> list[list[_Attempt]]:
-    """Return the attempts at a curve from rest to rest."""
+def _along_curve(job: PlanJob, stops: list[_Attempt]) -> list[list[_Attempt]]:
+    """Return the attempts at a curve from rest to rest.
+
+    Args:
+        job: the job.
+        stops: the attempt to stop at every keyframe, if the job allows it.
+    """
     request, total = job.request, job.request.total
     knots, guess = job.knots(is_quick=True)
     path = job.path(knots, guess, is_paced=False)
@@ -399,13 +408,11 @@ def _along_curve(job: PlanJob) -> list[list[_Attempt]]:
         return [[even], [quick]] if request.approach and has_rests else [[quick]]
     if rests:
         return [[quick, even]]
-    if not resting.can_rest(job):
+    if request.positions is not None:
         return [[quick]]
-    least = partial(resting.least_with_stops, request.keys, job.limits)
-    stops = _Attempt("a stop at every keyframe", partial(resting.with_stops, job), job, least)
     # The curve through two keyframes is a turn, which has a closed form.
     is_turn = len(request.keyframes) == 2 and float(angle(*request.keys)) > SAME
-    return [[stops], [quick]] if is_turn else [[quick, stops]]
+    return [stops, [quick]] if is_turn else [[quick, *stops]]
 
 
 def _rests_noted(job: PlanJob, path: KeyframePath, rests: int) -> str:
@@ -467,8 +474,15 @@ def _along_usual_curve(job: PlanJob, limits: Limits) -> KeyframePath:
     path, axes = found
     refusal.check_smooth(job.request, path.trajectory.continuity)
     quick = quickest(path, limits, job.period, axes=axes)
+    starts, ends = job.ends.moves
     if total is None:
-        return quick if any(job.ends.moves[:1]) else resting.ended_at_record(quick, job.period)
-    if not quick.is_from_rest_to_rest:
+        # A velocity at the end begins at a record.
+        cycles = math.ceil(quick.duration / job.period - _ROUNDING)
+        return quick if starts else resting.waited(quick, cycles * job.period - quick.duration)
+    if not (starts or ends):
+        return quick.lasting(total)
+    refusal.check_total(total, quick.duration)
+    if starts and ends:
         raise PlanError(f"no timing of {total:g} s keeps the velocities at the ends")
-    return quick.lasting(total)
+    path = resting.waited(quick, total - quick.duration, is_before=ends)
+    return replace(path, notes=(*path.notes, resting.WAITS))

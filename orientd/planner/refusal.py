@@ -203,9 +203,8 @@ def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
     """Return the refusal of a motion after several attempts, by their names, in order."""
     errors = list(refused.values())
     totals = [one for one in errors if isinstance(one, TotalError)]
-    # The other refusals tell more than that an attempt takes longer than requested.
-    error = next((one for one in errors if not isinstance(one, TotalError)), None)
-    error = error or min(totals, key=attrgetter("least"))
+    # The least duration tells most.
+    error = min(totals, key=attrgetter("least"), default=errors[0])
     others = [name for name, one in refused.items() if one is not error]
     if others:
         error.args = (f"{error}; tried before: {', '.join(others)}",)
@@ -233,12 +232,6 @@ def of_any_duration(start: State, limits: Limits) -> PlanError:
             f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2; set `approach: true` for a lead-in"
         )
     return PlanError(problem)
-
-
-def of_duration(total: float, longer: float) -> PlanError:
-    """Return the refusal of a duration, s, between two feasible ones; all *longer* ones are."""
-    problem = f"no motion of {total:g} s was found that keeps the velocities at both ends"
-    return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer > total else problem)
 
 
 def check_limits(peaks: Peaks, place: Place) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,26 +12,24 @@ import numpy as np
 from orientd.curves.contract import METHODS
 from orientd.curves.roles import is_pair
 from orientd.curves.trajectory import Trajectory
+from orientd.driver import Joints
 from orientd.errors import PlanError
 from orientd.model.limits import Limits
-from orientd.model.request import DEFAULT_METHOD, Keyframe
+from orientd.model.request import DEFAULT_METHOD, Keyframe, MotionRequest
 from orientd.planner import refusal
 from orientd.planner.connect.connector import hold, turn_to_stop
-from orientd.planner.connect.leads import SAME_PLACE, approach, straight
 from orientd.planner.job import PlanJob
 from orientd.planner.motion import Motion
-from orientd.planner.path import PositionPath
+from orientd.planner.path import PositionPath, end_states
 from orientd.planner.remarks import SWING
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME, turn_lengths
-from orientd.planner.timing.profiles import quickest
 from orientd.rotation import Floats, angle
 
-STOPS = "stops at every keyframe: this takes less time than the curve through them"
+STOPS = "stops at every keyframe: the curve turns further, takes longer, or breaks a limit"
 CONNECTS = "a connector joins both keyframes, in place of the curve between them"
 BRAKES = "brakes next to its moving ends: the curve turns further, takes longer, or breaks a limit"
-MOVES = "rests at every keyframe: the curve through them turns further, or breaks a limit"
 WAITS = "waits at the end that is at rest: no slower motion was found"
 
 _SLOWER = 1.2
@@ -50,133 +48,103 @@ def can_move_singly(job: PlanJob) -> bool:
     return request.method == DEFAULT_METHOD and not (request.turns.any() or job.is_taken_over)
 
 
-def can_rest(job: PlanJob) -> bool:
-    """Return whether the request allows rests at keyframes."""
-    return can_move_singly(job) and job.request.positions is None
+def least(job: PlanJob) -> float:
+    """Return the least duration of moves, of which only those from rest to rest count, s."""
+    states, (starts, ends) = _states(job), job.ends.moves
+    return _least(states[int(starts) : len(states) - int(ends)], job.limits)
 
 
-def least_with_stops(keys: Floats, limits: Limits) -> float:
-    """Return the least duration of turns from keyframe to keyframe, from rest to rest, s.
+def least_with_stops(job: PlanJob) -> float:
+    """Return about the least duration of a path that stops next to moving ends, s.
+
+    Raises:
+        PlanError: as for :func:`resting`.
+    """
+    head, rests, tail = _stops(job, _states(job))
+    return head.duration + _CURVE * _least(rests, job.limits) + tail.duration
+
+
+def _least(states: list[State], limits: Limits) -> float:
+    """Return the least duration of moves between states at rest, s.
 
     It ignores limits of the jerk and of components.
     """
-    turns = angle(keys[:-1], keys[1:])
-    turns = turns[turns > 0.0]
-    velocity, acceleration = limits.velocity, limits.acceleration
-    peaks = np.minimum(np.sqrt(turns * acceleration), velocity)
-    # Without either limit their quotient is NaN.
-    rises = np.fmin(np.sqrt(turns / acceleration), velocity / acceleration)
-    return float(np.sum(turns / peaks + rises))
+    if len(states) < 2:
+        return 0.0
+    q, places = (np.array([getattr(one, name) for one in states]) for name in ("q", "position"))
+    turns, moves = angle(q[:-1], q[1:]), np.linalg.norm(np.diff(places, axis=0), axis=1)
+    took = np.zeros(len(turns))
+    for lengths, velocity, acceleration in (
+        (turns, limits.velocity, limits.acceleration),
+        (moves, limits.linear_velocity, limits.linear_acceleration),
+    ):
+        far = lengths > 0.0
+        peaks = np.minimum(np.sqrt(lengths[far] * acceleration), velocity)
+        # Without either limit their quotient is NaN.
+        rises = np.fmin(np.sqrt(lengths[far] / acceleration), velocity / acceleration)
+        took[far] = np.maximum(took[far], lengths[far] / peaks + rises)
+    return float(took.sum())
 
 
-def least_singly(job: PlanJob) -> float:
-    """Return the least duration of single moves, of which only those from rest to rest count, s."""
-    starts, ends = job.ends.moves
-    keys = job.request.keys[int(starts) : len(job.request.keys) - int(ends)]
-    return least_with_stops(keys, job.limits) if len(keys) > 1 else 0.0
-
-
-def with_stops(job: PlanJob, limits: Limits) -> KeyframePath:
-    """Return the turns from keyframe to keyframe, from rest to rest.
-
-    Raises:
-        PlanError: one of them takes longer than the longest allowed motion.
-    """
-    keys = job.request.keys
-    if job.axes is not None:
-        return _with_stops_of_axes(job, limits)
-    turns = [approach(*pair, limits, is_part=len(keys) > 2) for pair in pairwise(keys)]
-    durations = [0.0 if turn is None else turn.duration for turn in turns]
-    times = np.concatenate([[0.0], np.cumsum(durations)])
-    path = _laid(job, [[turn] for turn in turns if turn is not None], times)
-    return replace(path, notes=(STOPS,)) if len(keys) > 2 else path
-
-
-def _with_stops_of_axes(job: PlanJob, limits: Limits) -> KeyframePath:
-    """Return the same turns, timed for the axes too: the path may rest where its axis changes."""
-    states = [State.at_rest(q, job.halt.last) for q in job.request.keys]
-    turns = [
-        straight(*pair).trajectory if angle(pair[0].q, pair[1].q) > SAME_PLACE else None
-        for pair in pairwise(states)
-    ]
-    times = np.cumsum([0.0, *(0.0 if turn is None else turn.duration for turn in turns)])
-    path = _laid(job, [[turn] for turn in turns if turn is not None], times)
-    path = replace(path, trajectory=replace(path.trajectory, continuity=1))
-    path = quickest(path, limits, job.period, has_rests=True, axes=job.axes_along(path))
-    return replace(path, notes=(STOPS,)) if len(states) > 2 else path
-
-
-def single_moves(job: PlanJob, limits: Limits) -> KeyframePath:
-    """Return single moves with a rest at every keyframe between.
-
-    Each waits at an end at rest, for the time that the request leaves it.
+def moves(job: PlanJob) -> KeyframePath:
+    """Return the moves from keyframe to keyframe, from rest to rest.
 
     Raises:
         TotalError: they take longer than the requested duration.
-        PlanError: one was refused, takes longer than its times, or has no end at rest to wait at.
+        PlanError: one was refused, or takes longer than its times.
     """
-    job, states = replace(job, limits=limits, _leads={}), _states_to_rest_at(job)
-    total, asked = job.request.total, job.request.times
-    pairs = list(pairwise(states))
-    joints, moves = job.joints_at(states[0]), []
-    for one, other in pairs:
-        is_direct = not (one.is_at_rest and other.is_at_rest)
-        moves.append(job.connected(one, other, is_direct=is_direct, near=joints))
-        joints = moves[-1].joints
-    takes = np.array([move.cycles * job.period for move in moves])
-    waits = np.zeros(len(moves))
-    if total is not None:
-        refusal.check_total(total, float(takes.sum()))
-        waits[-1 if pairs[-1][0].is_at_rest else 0] = total - takes.sum()
-    elif asked is not None:
-        waits = np.diff(asked) - takes
-    waits[np.abs(waits) < _WHOLE * takes] = 0.0
-    times = np.concatenate([[0.0], np.cumsum(takes + waits)])
-    refusal.check_duration(float(times[-1]))
-    parts: list[Sequence[Trajectory]] = []
-    positions = PositionPath.held(states[0].position)
-    for index, ((one, other), move, wait) in enumerate(zip(pairs, moves, waits, strict=True)):
-        waits_first = not other.is_at_rest
-        rest = one if waits_first else other
-        if wait < 0.0 or (wait and not rest.is_at_rest):
-            raise PlanError(
-                f"the single move to keyframes[{index + 1}] takes {takes[index]:.4g} s, its times "
-                f"leave {takes[index] + wait:.4g} s"
-            )
-        held = [hold(rest.q, wait)] if wait else []
-        parts += [held, move.parts] if waits_first else [move.parts, held]
-        begin = times[index] + (wait if waits_first else 0.0)
-        positions = move.positions.delayed(begin).after(positions)
-    return replace(_laid(job, parts, times, (MOVES,)), positions=positions)
+    request, states = job.request, _states(job)
+    near, legs = job.joints_at(states[0]), []
+    for index, (one, other) in enumerate(pairwise(states), start=1):
+        if job.axes is not None and (one.position != other.position).any():
+            leg, near = _connector(job, one, other, near)
+        else:
+            leg, near = job.straight(one, other, near, is_part=len(states) > 2)
+        if request.times is not None:
+            time = float(request.times[index] - request.times[index - 1])
+            if leg.duration > time:
+                raise PlanError(
+                    f"the single move to keyframes[{index}] takes {leg.duration:.4g} s, its times "
+                    f"leave {time:.4g} s"
+                )
+            leg = _lasting(leg, time)
+        legs.append(leg)
+    times = np.cumsum([0.0, *(leg.duration for leg in legs)])
+    path = KeyframePath.joined(legs, times, (STOPS,) if len(states) > 2 else ())
+    refusal.check_duration(path.duration)
+    return path if request.total is None else path.lasting(request.total)
 
 
-def _states_to_rest_at(job: PlanJob) -> list[State]:
+def _states(job: PlanJob) -> list[State]:
     """Return the states at all keyframes, at rest between the first and the last."""
-    request, keys = job.request, job.request.keys
-    begin, end = states_at_ends(job)
-    places = np.repeat(job.halt.last[None], len(keys), axis=0)
-    if request.positions is not None:
-        is_given = np.isfinite(request.positions[:, 0])
-        places = request.positions[is_given][np.maximum(np.cumsum(is_given) - 1, 0)]
-    rests = [State.at_rest(*pair) for pair in zip(keys[1:-1], places[1:-1], strict=True)]
-    return [replace(begin, position=places[0]), *rests, replace(end, position=places[-1])]
+    keys, places, zero = job.request.keys, job.request.positions, np.zeros(3)
+    if places is None:
+        places = np.repeat(job.halt.last[None], len(keys), axis=0)
+    else:
+        is_given = np.isfinite(places[:, 0])
+        places = places[is_given][np.maximum(np.cumsum(is_given) - 1, 0)]
+    states = [State.at_rest(*pair) for pair in zip(keys, places, strict=True)]
+    vectors = job.ends.omega_start, job.ends.alpha_start, job.ends.omega_end
+    first, rate, last = (zero if one is None else one for one in vectors)
+    states[0] = replace(states[0], omega_body=first, alpha_body=rate)
+    states[-1] = replace(states[-1], omega_body=last)
+    return states
 
 
 def compared(job: PlanJob, motion: Motion) -> Motion:
     """Return the motion, with a note if single moves would take far less time."""
     request, took = job.request, motion.duration
     is_free = request.is_quickest and request.total is None and not request.turns.any()
-    is_compared = is_free and not job.is_taken_over and job.axes is None
-    is_likely = not request.is_single and took >= _SLOWER * least_singly(job)
-    has_tried = can_rest(job) or (can_move_singly(job) and any(job.ends.moves))
-    if has_tried or not (is_compared and is_likely):
+    is_compared = is_free and not (job.is_taken_over or job.axes is not None or request.is_single)
+    # The moves were an attempt of the default method.
+    if request.method == DEFAULT_METHOD or not is_compared or took < _SLOWER * least(job):
         return motion
-    moves = job.with_leads(single_moves(job.with_quick_leads(), job.limits)).duration
-    if took < _SLOWER * moves:
+    single = job.with_leads(resting(job, moves)).duration
+    if took < _SLOWER * single:
         return motion
     return motion.noted(
-        f"takes {took:.4g} s: single moves with a stop at every keyframe would take {moves:.4g} s; "
-        "another method or other velocities may be quicker"
+        f"takes {took:.4g} s: single moves with a stop at every keyframe would take {single:.4g} "
+        "s; another method or other velocities may be quicker"
     )
 
 
@@ -193,262 +161,216 @@ def swing(job: PlanJob, path: KeyframePath | State) -> float:
     if is_chosen or job.limits.velocity * path.duration <= short.sum() + SWING:
         return 0.0
     further = np.diff(path.trajectory.turned(path.times)) - short
-    for part, state in zip((0, -1), states_at_ends(job), strict=True):
-        further[part] -= 2.0 * turn_to_stop(state, job.limits)
+    states = _states(job)
+    for part in (0, -1):
+        further[part] -= 2.0 * turn_to_stop(states[part], job.limits)
     most = float(further.max())
     return most if most > SWING else 0.0
 
 
-def braking(
-    job: PlanJob, limits: Limits, plan_it: Planned, *, is_connected: bool = False
-) -> KeyframePath:
-    """Return the path that brakes after a moving first keyframe, and runs up to a moving last one.
+def resting(job: PlanJob, plan_it: Planned, *, is_connected: bool = True) -> KeyframePath:
+    """Return the path that rests next to its moving ends, and is planned from rest to rest between.
 
-    The part between is planned from rest to rest.  So it turns the short way, and can take any
-    time.
+    So the part between turns the short way, and can take any time.
 
     Args:
-        job: has a moving end.
-        limits: to keep.
+        job: the job; without a moving end it is planned as it is.
         plan_it: plans the part between.
         is_connected: whether to rest at the keyframes next to the moving ends, with connectors from
-            and to these ends.
+            and to these ends.  Otherwise it brakes after a moving first keyframe, and runs up to a
+            moving last one.
 
     Raises:
         TotalError: it takes longer than the requested duration.
-        PlanError: the times leave no room to brake, or a part was refused.
+        PlanError: the times leave no room to rest, or a part was refused.
     """
-    job = replace(job, limits=limits, _leads={})
-    request, period = job.request, job.period
-    first, last = rests = _resting_keyframes(job) if is_connected else (0, len(request.keys) - 1)
-    if first > last:
-        return _connected(job)
-    stop, run_up, keys = (_connectors if is_connected else _stops_at_ends)(job)
-    before, after = (0.0 if part is None else part.duration for part in (stop, run_up))
-    passed, positions, duration = np.zeros(len(keys)), PositionPath.held(job.halt.last), 0.0
-    inner: list[Trajectory] = []
-    notes: tuple[str, ...] = ()
-    if request.positions is not None or bool((angle(keys[:-1], keys[1:]) > SAME).any()):
-        between = plan_it(_from_rest_to_rest(job, keys, first, (before, after)))
-        if not between.is_from_rest_to_rest:
+    request, states, (starts, ends) = job.request, _states(job), job.ends.moves
+    if not (starts or ends):
+        return plan_it(job)
+    first, end = int(starts and is_connected), len(states) - int(ends and is_connected)
+    if first == end:
+        return _connected(job, *states)
+    head, rests, tail = (_connectors if is_connected else _stops)(job, states)
+    before, after = head.duration, tail.duration
+    times = _times_between(request, first, end, (before, after))
+    inner = _held(rests[0], 0.0, count=len(rests))
+    if any(_is_elsewhere(*pair) for pair in pairwise(rests)):
+        inner = plan_it(_from_rest_to_rest(job, rests, first, times))
+        if not inner.is_from_rest_to_rest:
             raise PlanError(f"{request.method} does not come to rest at its last keyframe")
-        duration = between.duration
-    least = before + duration + after
-    if request.total is not None:
-        refusal.check_total(request.total, least)
-        duration += max(request.total - least, 0.0)
-    elif request.times is None and run_up is not None:
+    begin, duration = before, inner.duration
+    if times is not None:
+        begin, duration = float(times[0]), float(times[-1] - times[0])
+    elif ends:
         # A velocity begins at a record.
-        duration = math.ceil(duration / period - _WHOLE) * period
-    if least > before + after:
-        between = between.slowed(duration)
-        inner, passed, notes = [between.trajectory], between.times, between.notes
-        positions = between.positions.delayed(before)
-    elif duration:
-        inner = [hold(keys[0], duration)]
-    ends = np.full(len(request.keys) - 1 - last, 0.0)
-    times = np.concatenate([np.zeros(first), before + passed, ends])
-    times[0], times[-1] = 0.0, before + duration + after
-    parts = [[part] for part in (stop, *inner, run_up) if part is not None]
-    note = _stops_noted(job, rests) if is_connected else BRAKES
-    return replace(_laid(job, parts, times, (note, *notes)), positions=positions)
+        duration = math.ceil(duration / job.period - _WHOLE) * job.period
+    if request.total is not None:
+        refusal.check_total(request.total, before + duration + after)
+        duration = max(duration, request.total - before - after)
+    inner, until = _lasting(inner, duration), begin + duration
+    whole = until + after if request.times is None else float(np.ptp(request.times))
+    pauses = _held(rests[0], begin - before), _held(rests[-1], whole - after - until)
+    passed = begin + inner.times if times is None else times
+    passed = np.concatenate([np.zeros(first), passed, np.zeros(len(states) - end)])
+    passed[0], passed[-1] = 0.0, whole
+    note = _connects({first, end - 1} - {0, len(states) - 1}) if is_connected else BRAKES
+    legs = head, pauses[0], inner, pauses[1], tail
+    return KeyframePath.joined(legs, passed, (note, *inner.notes))
 
 
-def _stops_noted(job: PlanJob, rests: tuple[int, int]) -> str:
-    inner = sorted({one for one in rests if 0 < one < len(job.request.keys) - 1})
-    names = " and ".join(f"keyframes[{one}]" for one in inner)
+def _connects(stops: set[int]) -> str:
+    """Return the note on connectors, and the keyframes at which they stop."""
+    names = " and ".join(f"keyframes[{one}]" for one in sorted(stops))
     return (
-        f"stops at {names}: no quicker curve through all keyframes was found" if inner else CONNECTS
+        f"stops at {names}: no quicker curve through all keyframes was found" if names else CONNECTS
     )
 
 
-def _connected(job: PlanJob) -> KeyframePath:
-    """Return the connector of two moving keyframes, in the requested duration if there is one.
+def _connected(job: PlanJob, begin: State, end: State) -> KeyframePath:
+    """Return the connector of two moving keyframes, in the requested time if there is one.
 
     Raises:
         TotalError: it takes longer.
     """
-    begin, end = states_at_ends(job)
-    total, least = job.request.total, 0.0
+    request, least = job.request, 0.0
+    total = request.total if request.times is None else float(np.ptp(request.times))
     if total is not None:
-        # Whole periods fill the duration exactly.
+        # Whole periods fill the time exactly.
         period = total / max(round(total / job.period), 1)
-        job, least = replace(job, period=period, _leads={}), total - 0.5 * period
-    move = job.connected(begin, end, least=least)
-    times = np.array([0.0, move.cycles * job.period])
+        job, least = replace(job.within(job.limits), period=period), total - 0.5 * period
+    path, _ = _connector(job, begin, end, least=least)
     if total is not None:
-        refusal.check_total(total, float(times[1]))
-    return _laid(job, [move.parts], times, (CONNECTS,))
+        refusal.check_total(total, path.duration)
+    return replace(path, notes=(CONNECTS,))
 
 
-def _resting_keyframes(job: PlanJob) -> tuple[int, int]:
-    """Return the first and last keyframe to rest at; the last is below the first if none is."""
-    begins, ends = job.ends.moves
-    return int(begins), len(job.request.keys) - 1 - int(ends)
+def _connector(
+    job: PlanJob, begin: State, end: State, near: Joints = (), *, least: float = 0.0
+) -> tuple[KeyframePath, Joints]:
+    """Return the path of a lead-in from one state to another, and the axes at its end."""
+    lead = job.connected(begin, end, least=least, near=near)
+    trajectory = Trajectory.joined(lead.parts)
+    times = np.array([0.0, trajectory.duration])
+    return KeyframePath(trajectory, lead.positions, times), lead.joints
 
 
-def least_with_braking(job: PlanJob) -> float:
-    """Return about the least time that the path of :func:`braking` takes, s.
-
-    Raises:
-        PlanError: as for :func:`braking`.
-    """
-    stop, run_up, keys = _stops_at_ends(job)
-    leads = sum(part.duration for part in (stop, run_up) if part is not None)
-    return leads + _CURVE * least_with_stops(keys, job.limits)
-
-
-def _connectors(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, Floats]:
-    """Return the connectors at moving ends, and the keyframes between.
+def _connectors(
+    job: PlanJob, states: list[State]
+) -> tuple[KeyframePath, list[State], KeyframePath]:
+    """Return the connectors at moving ends, and the states at rest between.
 
     Raises:
         PlanError: one of them was not found.
     """
-    first, last = _resting_keyframes(job)
-    starts, ends = job.ends.moves
-    keys, (begin, end) = job.request.keys[first : last + 1], states_at_ends(job)
-    here, there = (State.at_rest(keys[at], job.halt.last) for at in (0, -1))
-    near, head, tail = job.joints_at(begin), None, None
+    near, (starts, ends), count = job.joints_at(states[0]), job.ends.moves, len(states)
+    head, tail = _held(states[0], 0.0), _held(states[-1], 0.0)
     if starts:
-        lead = job.connected(begin, here, near=near)
-        head, near = Trajectory.joined(lead.parts), lead.joints
+        head, near = _connector(job, states[0], states[1], near)
     if ends:
-        tail = Trajectory.joined(job.connected(there, end, near=near).parts)
-    return head, tail, keys
+        tail, _ = _connector(job, states[-2], states[-1], near)
+    return head, states[int(starts) : count - int(ends)], tail
 
 
-def _stops_at_ends(job: PlanJob) -> tuple[Trajectory | None, Trajectory | None, Floats]:
-    """Return the stop after the first keyframe, the run-up to the last, and the keyframes between.
+def _stops(job: PlanJob, states: list[State]) -> tuple[KeyframePath, list[State], KeyframePath]:
+    """Return the stop after the first keyframe, the run-up to the last, and the rests between.
 
     Raises:
         PlanError: a position moves, or one of them was not found.
     """
     if job.is_taken_over:
         raise PlanError("a position that moves does not wait for the tool to brake")
-    begin, end = states_at_ends(job)
-    starts, ends = job.ends.moves
-    near, stop, run_up = job.joints_at(begin), None, None
+    head, tail = _held(states[0], 0.0), _held(states[-1], 0.0)
+    (starts, ends), begin, end = job.ends.moves, states[0], states[-1]
+    near = job.joints_at(begin)
     if starts:
         lead = job.stop_from(begin, near, job.share_from(begin))
-        stop, near = Trajectory.joined(lead.parts), lead.joints
+        head, near = replace(head, trajectory=Trajectory.joined(lead.parts)), lead.joints
+        begin = State.at_rest(head.trajectory.ends()[0][1], begin.position)
     if ends:
-        mirrored = replace(end, omega_body=-end.omega_body)
-        lead = job.stop_from(mirrored, near, job.lead_share)
-        run_up = Trajectory.joined(lead.parts).reversed()
-    keys = job.request.keys.copy()
-    keys[0] = begin.q if stop is None else stop.ends()[0][1]
-    keys[-1] = end.q if run_up is None else run_up.ends()[0][0]
-    return stop, run_up, keys
+        lead = job.stop_from(replace(end, omega_body=-end.omega_body), near, job.lead_share)
+        tail = replace(tail, trajectory=Trajectory.joined(lead.parts).reversed())
+        end = State.at_rest(tail.trajectory.ends()[0][0], end.position)
+    return head, [begin, *states[1:-1], end], tail
+
+
+def _times_between(
+    request: MotionRequest, first: int, end: int, took: tuple[float, float]
+) -> Floats | None:
+    """Return the times of the part between two rests, s; none if the keyframes have none.
+
+    Args:
+        request: has the times of its keyframes.
+        first: the index of the first keyframe of that part.
+        end: one more than that of its last keyframe.
+        took: durations of the stop before it and of the run-up after it, s.
+    """
+    if request.times is None:
+        return None
+    times, (before, after) = request.times - request.times[0], took
+    inside: Floats = times[first:end].copy()
+    until = float(times[-1]) - after
+    if first == 0:
+        inside[0] = before
+    if end == len(times):
+        inside[-1] = until
+    is_late = before > inside[0] + _WHOLE or inside[-1] > until + _WHOLE
+    if is_late or (np.diff(inside) <= 0.0).any():
+        raise PlanError(
+            f"the times leave no room to come to rest in {before:.4g} s next to the first velocity "
+            f"and to run up in {after:.4g} s to the last one"
+        )
+    return inside
 
 
 def _from_rest_to_rest(
-    job: PlanJob, keys: Floats, first: int, took: tuple[float, float]
+    job: PlanJob, rests: list[State], first: int, times: Floats | None
 ) -> PlanJob:
-    """Return the job of the part between two rests.
-
-    Args:
-        keys: its keyframes, shape ``(n, 4)``.
-        first: index of the first of them in the request.
-        took: durations of the stop before it and of the run-up after it, s.
-    """
-    request, times, (before, after) = job.request, job.request.times, took
-    if times is not None:
-        times = times.copy()
-        times[0], times[-1] = times[0] + before, times[-1] - after
-        if (np.diff(times) <= 0.0).any():
-            raise PlanError(
-                f"the times leave no room to brake in {before:.4g} s from the first velocity and "
-                f"to run up in {after:.4g} s to the last one"
-            )
-    is_turn = len(keys) == 2
+    """Return the job of the part between two rests, which begins at a keyframe of this index."""
+    request, is_turn = job.request, len(rests) == 2
+    asked = request.keyframes[first : first + len(rests)]
     keyframes = [
-        Keyframe(tuple(q), None if times is None else float(times[index]), one.position, one.turns)
-        for index, (q, one) in enumerate(
-            zip(keys.tolist(), request.keyframes[first:], strict=False)
+        Keyframe(
+            tuple(state.q.tolist()),
+            None if times is None else float(times[index]),
+            one.position,
+            turns=one.turns,
         )
+        for index, (state, one) in enumerate(zip(rests, asked, strict=True))
     ]
     part = replace(
         request, keyframes=keyframes, start_velocity=None, end_velocity=None, approach=False,
         duration=None, limits=None, notes=(), method=DEFAULT_METHOD if is_turn else request.method,
         options={} if is_turn else request.options,
     )  # fmt: skip
-    given = [one.position for one in keyframes if one.position is not None]
-    here = State.at_rest(keys[0], given[0] if given else job.halt.last)
     axes = job.axes
     if axes is not None:
-        joints = job.joints_at(states_at_ends(job)[0])
-        axes = replace(axes, joints=joints, before=(), rates=())
-    return replace(PlanJob.of(part, here, job.own, job.period, axes), limits=job.limits)
+        axes = replace(axes, joints=job.joints_at(_states(job)[0]), before=(), rates=())
+    return PlanJob.of(part, rests[0], job.own, job.period, axes).within(job.limits)
 
 
-def waiting(job: PlanJob, limits: Limits, plan_it: Planned) -> KeyframePath:
-    """Return the path that no duration is given, with a wait at an end that is at rest.
-
-    Args:
-        job: has a duration, and a moving end.
-        limits: to keep.
-        plan_it: plans the same job without a duration.
-
-    Raises:
-        TotalError: it takes longer than the requested duration.
-        PlanError: both ends move, so the duration lies between two feasible ones.
-    """
-    starts, ends = job.ends.moves
-    total, free = job.request.total, replace(job.request, duration=None)
-    if total is None:
-        raise ValueError("the request must have a duration")
-    quick = replace(job.with_quick_leads(), request=free, limits=limits)
-    path = plan_it(quick)
-    refusal.check_total(total, path.duration)
-    if starts and ends:
-        raise refusal.of_duration(total, braking(quick, limits, plan_it).duration)
-    wait = total - path.duration
-    if wait <= _WHOLE * total:
-        return path
-    notes = *path.notes, WAITS
-    if ends:
-        return replace(_delayed(path, wait), notes=notes)
-    held = hold(job.request.keys[-1], wait).shifted(path.duration)
-    times = np.append(path.times[:-1], total)
-    return KeyframePath(Trajectory.joined([path.trajectory, held]), path.positions, times, notes)
+def waited(path: KeyframePath, wait: float, *, is_before: bool = True) -> KeyframePath:
+    """Return a path that waits at its first keyframe, or at its last, s."""
+    first, last = end_states(path.trajectory)
+    rest = replace(first, position=path.positions.first)
+    legs, times = [_held(rest, wait), path], np.append(0.0, path.times[1:] + wait)
+    if not is_before:
+        rest = replace(last, position=path.positions.last)
+        legs, times = [path, _held(rest, wait)], np.append(path.times[:-1], path.duration + wait)
+    return KeyframePath.joined(legs, times, path.notes)
 
 
-def ended_at_record(path: KeyframePath, period: float) -> KeyframePath:
-    """Return a path from rest that begins so much later that it ends at a record.
-
-    A motion that follows can then continue from the velocity at its end.
-    """
-    wait = period * math.ceil(path.duration / period - _WHOLE) - path.duration
-    return path if wait <= _WHOLE * period else _delayed(path, wait)
+def _is_elsewhere(one: State, other: State) -> bool:
+    return bool(angle(one.q, other.q) > SAME) or bool((one.position != other.position).any())
 
 
-def _delayed(path: KeyframePath, wait: float) -> KeyframePath:
-    """Return a path that waits at its first keyframe, s."""
-    held, times = hold(np.array(path.first.q), wait), np.append(0.0, path.times[1:] + wait)
-    trajectory = Trajectory.joined([held, path.trajectory.shifted(wait)])
-    return KeyframePath(trajectory, path.positions.delayed(wait), times, path.notes)
+def _lasting(path: KeyframePath, duration: float) -> KeyframePath:
+    """Return a path of another duration, s; a rest has no pace to change."""
+    if path.duration:
+        return path.slowed(duration)
+    return _held(path.first, duration, count=len(path.times))
 
 
-def states_at_ends(job: PlanJob) -> tuple[State, State]:
-    """Return the states at the first and the last keyframe."""
-    ends, keys, zero = job.ends, job.request.keys, np.zeros(3)
-    vectors = (ends.omega_start, ends.alpha_start, ends.omega_end)
-    first, first_rate, last = (zero if one is None else one for one in vectors)
-    at = job.halt.last
-    return State(keys[0], first, first_rate, at), State(keys[-1], last, zero, at)
-
-
-def _laid(
-    job: PlanJob,
-    parts: Sequence[Sequence[Trajectory]],
-    times: Floats,
-    notes: tuple[str, ...] = (),
-) -> KeyframePath:
-    """Return the path of parts laid end to end, each given from time 0 on."""
-    laid: list[Trajectory] = []
-    since = 0.0
-    for part in parts:
-        laid += [one.shifted(since) for one in part]
-        since = laid[-1].domain[1] if laid else since
-    held = PositionPath.held(job.halt.last)
-    return KeyframePath(Trajectory.joined(laid), held, times, notes)
+def _held(state: State, duration: float, *, count: int = 2) -> KeyframePath:
+    """Return a rest for a duration, s, from *count* keyframes on."""
+    held = hold(np.array(state.q), duration if duration > _WHOLE else 0.0)
+    return KeyframePath(held, PositionPath.held(state.position), np.zeros(count))

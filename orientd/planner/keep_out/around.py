@@ -2,8 +2,7 @@
 
 The planner adds keyframes where the shortest path outside touches a cone.  It passes them on one
 curve, as quickly as the limits permit.  The curve may swing into a cone between them, so keyframes
-are moved outwards or added until the bounds of the whole motion keep clear.  Then they move to
-where the motion is the quickest.
+are moved outwards or added until the bounds of the whole motion keep clear.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -24,7 +22,6 @@ from orientd.planner.keep_out.detour import Detour
 from orientd.planner.keep_out.route import (
     POINTS,
     Obstacle,
-    ahead,
     keyframes_along,
     paths,
 )
@@ -32,7 +29,7 @@ from orientd.planner.motion import Motion
 from orientd.planner.path import Path
 from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.rotation import Floats, exp, multiply, rotate
+from orientd.rotation import Floats, rotate
 
 Planning = Callable[[MotionRequest], Motion]
 """Plans a request in the coordinates of the device, without regard to cones."""
@@ -43,9 +40,6 @@ RESERVE = math.radians(0.1)
 _ROUNDS = 14  # plans until a curve keeps clear
 _PUSH = 1.15  # times the depth of a curve in a cone
 _NEAR = 0.3  # share of an interval within which a keyframe is moved rather than one added
-_STEPS = tuple(map(math.radians, (4.0, 2.0, 1.0)))  # of the search for the quickest motion
-_GAIN = 0.999  # ratio of durations that counts as quicker
-_MOST_PLANS = 36  # of that search
 _MOST_ROUTES = 6
 _SAME = 1.0 - 1e-9  # cosine between an axis and the pointing axis
 _EVERY = 4  # points of a path between two keyframes, if fewer do not keep clear
@@ -211,7 +205,7 @@ class Around:
             raise PlanError(
                 f"the motion crosses {names}, and no motion around was found: {self._refused}"
             )
-        detour, motion = self._quickest(*min(found, key=lambda one: one[1].duration))
+        detour, motion = min(found, key=lambda one: one[1].duration)
         return detour.restored(motion).noted(f"led around {names}")
 
     def _led_in(self, request: MotionRequest, names: str) -> Motion:
@@ -272,7 +266,8 @@ class Around:
                 raise PlanError(
                     f"there is no route from {place} to keyframes[{leg}] outside of {names}"
                 )
-            every = [[*exits, *keyframes_along(route, obstacles)] for route in routes]
+            # The curve finds its own way out of a cone, faster than by a keyframe at the edge.
+            every = [keyframes_along(route, obstacles) for route in routes]
             found = [one.with_added(leg, keys) for one in found for keys in every][:_MOST_ROUTES]
             dense = dense.with_added(leg, [*exits, *routes[0][_EVERY : POINTS - 1 : _EVERY]])
             if is_free:
@@ -354,42 +349,6 @@ class Around:
         for leg, index, q in sorted(inserted, key=lambda entry: -entry[1]):
             added[leg].insert(index, q)
         return replace(detour, added=tuple(map(tuple, added)))
-
-    def _quickest(self, detour: Detour, motion: Motion) -> tuple[Detour, Motion]:
-        """Return the detour with its keyframes where the motion is the quickest nearby.
-
-        Each moves by a step away from the nearest cone, along its edge, or about the tool's axis.
-        A motion that takes over from another one is needed soon, so it stays as it is.
-        """
-        if not detour.request.is_quickest or not self.start.is_at_rest:
-            return detour, motion
-        plans = 0
-        for step in _STEPS:
-            for leg, index in [place for place in detour.places if place is not None]:
-                for axis, far in [(axis, far) for axis in range(3) for far in (step, -step)]:
-                    plans += 1
-                    if plans > _MOST_PLANS:
-                        return detour, motion
-                    q = detour.added[leg][index]
-                    edges = self._edges(0.0)
-                    nearest = max(edges, key=partial(_depth, q))
-                    keys = list(detour.added[leg])
-                    keys[index] = multiply(exp(far * ahead(q, nearest)[axis]), q)
-                    tried = detour.with_added(leg, keys)
-                    found = self._quicker(tried, motion.duration)
-                    if found is not None:
-                        detour, motion = tried, found
-        return detour, motion
-
-    def _quicker(self, detour: Detour, duration: float) -> Motion | None:
-        """Return the motion of a detour if it keeps clear and takes less time."""
-        try:
-            motion = self.plan(detour.whole())
-        except PlanError:
-            return None
-        if motion.duration >= _GAIN * duration or float(self._short(detour, motion).min()) < 0.0:
-            return None
-        return motion
 
 
 def _no_lead(_: State) -> Planning:

@@ -197,16 +197,3 @@ def keyframes_along(path: Floats, obstacles: Sequence[Obstacle]) -> list[Floats]
             low = min(int(place), POINTS - 2)
             found.append(slerp(path[low], path[low + 1], place - low))
     return found or [path[POINTS // 2]]
-
-
-def ahead(q: Floats, obstacle: Obstacle) -> Floats:
-    """Return three axes in the world to turn an orientation about, shape ``(3, 3)``.
-
-    The first turns it away from an obstacle, the second along the edge, the third about its axis.
-    """
-    point = rotate(q, obstacle.axis)
-    away = np.cross(obstacle.direction, point)
-    if np.linalg.norm(away) < _POLE:
-        away = np.cross(obstacle.direction, np.eye(3)[int(np.argmin(np.abs(obstacle.direction)))])
-    away = away / np.linalg.norm(away)
-    return np.stack([away, np.cross(point, away), point])

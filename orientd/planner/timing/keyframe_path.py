@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -33,6 +34,25 @@ class KeyframePath:
     positions: PositionPath
     times: Floats
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def joined(
+        cls, parts: Iterable[KeyframePath], times: Floats, notes: tuple[str, ...] = ()
+    ) -> KeyframePath:
+        """Return paths end to end, except those that take no time.
+
+        Args:
+            parts: each begins where the previous one ends.
+            times: of all keyframes, s.
+            notes: notes of the whole.
+        """
+        parts = [part for part in parts if part.duration]
+        begins = np.cumsum([0.0, *(part.duration for part in parts[:-1])]).tolist()
+        positions = parts[0].positions
+        for part, begin in zip(parts[1:], begins[1:], strict=True):
+            positions = part.positions.delayed(begin).after(positions)
+        laid = [part.trajectory.shifted(at) for part, at in zip(parts, begins, strict=True)]
+        return KeyframePath(Trajectory.joined(laid), positions, times, notes)
 
     @property
     def duration(self) -> float:

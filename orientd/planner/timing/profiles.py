@@ -15,7 +15,6 @@ with a velocity that the request did not ask for.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -185,7 +184,7 @@ def quickest(
     *,
     has_rests: bool = False,
     axes: AxisPath = NO_AXES,
-) -> QuickPath:
+) -> KeyframePath:
     """Return the same path in the shortest time found within the limits.
 
     An end at rest stays at rest, and gets no acceleration if the jerk is limited.  A moving end
@@ -206,12 +205,17 @@ def quickest(
     elif axes is NO_AXES:
         turn = turned_at_once(path, limits)
         if turn is not None:
-            return QuickPath(turn.trajectory, turn.positions, turn.times, path.notes)
+            return replace(turn, notes=path.notes)
     found = profiles(path, limits, period, rests=rests, axes=axes)
     above = max(one.above for one in found)
     if axes is not NO_AXES and above > _MOST_ABOVE:
         found = profiles(path, limits, period, rests=rests, axes=axes.below(above))
-    quick = _joined([_at_limits(retimed(path, one)) for one in found])
+    parts = [_at_limits(retimed(path, one)) for one in found]
+    quick: KeyframePath = parts[0]
+    if len(parts) > 1:
+        # A keyframe is at the end of every part before it, and at the start of every one after it.
+        times = np.sum([part.times for part in parts], axis=0)
+        quick = KeyframePath.joined(parts, times, path.notes)
     refusal.check_duration(quick.duration)
     return quick
 
@@ -246,17 +250,3 @@ def _at_limits(quick: QuickPath) -> QuickPath:
     if profile is None or any(profile.moves):
         return quick
     return quick.slowed(quick.duration * profile.slower)
-
-
-def _joined(parts: Sequence[QuickPath]) -> QuickPath:
-    """Return consecutive parts as one path."""
-    if len(parts) == 1:
-        return parts[0]
-    begins = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])]).tolist()
-    positions, times = parts[0].positions, np.zeros(len(parts[0].times))
-    for part, begin in zip(parts, begins[:-1], strict=True):
-        times += part.times
-        if begin:
-            positions = part.positions.delayed(begin).after(positions)
-    shifted = [part.trajectory.shifted(at) for part, at in zip(parts, begins[:-1], strict=True)]
-    return QuickPath(Trajectory.joined(shifted), positions, times, parts[0].notes)
