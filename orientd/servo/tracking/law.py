@@ -1,9 +1,9 @@
 """The law of tracking for a tool's turn or its position (``kernels/c/law.h``, ``vector.h``).
 
 The motion is a chain of backward differences, exactly as the guard computes them.  In each cycle
-the acceleration changes by what the jerk allows, the velocity by ``h`` times the acceleration, and
-the tool moves by ``h`` times the velocity.  A limit holds for the norm of a vector and for each of
-its components.  A straight path to the target stays straight.
+the acceleration changes as far as the jerk allows, the velocity by ``h`` times the acceleration,
+and the tool moves by ``h`` times the velocity.  A limit holds for the norm of a vector and for each
+of its components.  A straight path to the target stays straight.
 
 The law closes in on a reference as fast as a stop relative to the reference allows, with the part
 of the limits that the reference leaves free.  Close by, no limit is active, and it is linear.
@@ -109,7 +109,7 @@ def gains_of(acceleration: float, jerk: float, period: float) -> Gains:
 class Need:
     """The share of each limit that the reference itself takes.
 
-    That is the mean of what it takes now and of its amplitude, which is that of a sine but not of
+    That is the mean of its present share and of its amplitude, which is that of a sine but not of
     noise: the square root of twice the mean square of the last time.
 
     Attributes:

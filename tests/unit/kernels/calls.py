@@ -32,6 +32,7 @@ def make_calls():
         curve = family(keys=keyframes(count), times=np.arange(float(count)))
         curve.evaluate(np.linspace(*curve.domain, 50))
     follow_arms()
+    follow_vector()
     start = State.at_rest(keyframes(2)[0])
     rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
@@ -89,6 +90,17 @@ def follow_chain(home):
         for step in (accelerations, np.full(6, np.nan)):
             kernels.roll_stop(*limited, moving, np.zeros(9), cones, 0.9, 0.01, step, stop, strain)
         kernels.brakes_outside(chain, limits, moving[:2], PERIOD, cones)
+
+
+def follow_vector():
+    """Take a step towards a moving target and one towards rest, and look at cones on the stop."""
+    limits = np.array([2.0, 8.0, 200.0, *np.full(9, 50.0)])
+    state = np.array([0.1, 0.0, 0.2, 0.3, 0.1, 0.0, 1.0, 0.0, 0.5])
+    following = np.array([0.9, 20.0, 40.0, 0.5, 0.5, 0.5, 0.16, 0.2, 4.0, 0.05])
+    taken, found = np.zeros(3), np.zeros(3)
+    kernels.pursue_vector(limits, PERIOD, state, 0.1 * state, following, taken, found)
+    kernels.halt_vector(limits, PERIOD, state, np.full(3, 0.1), found)
+    kernels.stop_clearance(limits, PERIOD, state, np.array([[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1]]))
 
 
 def planned(keys, start, **fields):
