@@ -148,6 +148,16 @@ def test_every_duration_from_the_quickest_on_is_planned_next_to_one_velocity(fac
     assert motion.request.keyframes == request.keyframes
 
 
+@pytest.mark.parametrize("factor", [1.0, 1.02, 1.1])
+def test_a_duration_just_above_the_quickest_leaves_a_rest_after_the_connector(factor):
+    velocity = (1.7, 0.0, 0.0)
+    quickest = planned([ORIGIN, HALF], velocity, limits=QUICK)
+    seconds = factor * (quickest.end_time - quickest.start_time)
+    motion = planned([ORIGIN, HALF], velocity, limits=QUICK, duration=seconds)
+    check(motion, QUICK)
+    assert motion.end_time - motion.start_time == pytest.approx(seconds)
+
+
 def test_a_duration_below_the_quickest_is_refused_with_the_quickest():
     request, limits, period = asked("two_fast_ends_of_a_pair")
     start = State.at_rest(request.keys[0])
