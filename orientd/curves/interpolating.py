@@ -18,6 +18,7 @@ from orientd.curves.keyframes import (
     with_turns,
 )
 from orientd.curves.products import Parts, Product, product_trajectory, squared_acceleration
+from orientd.curves.trajectory import Trajectory
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
@@ -111,6 +112,23 @@ def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> l
     return found
 
 
+def _check_turns(trajectory: Trajectory, times: Floats, turns: ArrayLike | None) -> None:
+    """Raise :class:`.PlanError` if a curve makes fewer whole turns than it was asked for.
+
+    The search for large steps may arrive at a solution with fewer.
+    """
+    if turns is None or not np.any(turns):
+        return
+    asked = np.abs(np.asarray(turns))
+    found = np.diff(trajectory.turned(times))
+    worst = int(np.argmin(found - 2.0 * np.pi * asked))
+    if found[worst] < np.pi * (2.0 * asked[worst] - 1.0):
+        raise PlanError(
+            f"no spline with {asked[worst]:g} whole turns from keyframe {worst} to the next was "
+            f"found, only one that turns {found[worst]:.3g} rad there: add a keyframe for each turn"
+        )
+
+
 class C2Cumulative(Product, WithEndStates):
     r"""Pass through keyframes at their times with continuous velocity and acceleration.
 
@@ -150,6 +168,7 @@ class C2Cumulative(Product, WithEndStates):
 
     def _solve(self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None) -> None:
         self._set_parts(*interpolate(q, instants, 4, ends, turns=turns), 2)
+        _check_turns(self.trajectory, instants, turns)
 
 
 class KksInterpolating(Product, WithEndStates):
@@ -220,6 +239,7 @@ class KksInterpolating(Product, WithEndStates):
             spline = min([spline, *others], key=_effort) if others else spline
         self._set_parts(*spline, k - 2)
         self._key_times = instants
+        _check_turns(self.trajectory, instants, turns)
 
     @property
     def key_times(self) -> Floats:

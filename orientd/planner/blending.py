@@ -23,6 +23,7 @@ import numpy as np
 from orientd.curves.hermite import KksQuinticHermite
 from orientd.curves.trajectory import TimeMap, Trajectory
 from orientd.errors import PlanError, StartError
+from orientd.mechanism import Mechanism
 from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
@@ -35,6 +36,7 @@ from orientd.planner.path import Path, PositionPath, quintic
 from orientd.planner.planning import plan
 from orientd.planner.recorded import RecordedMotion
 from orientd.planner.state import State
+from orientd.planner.timing.axes import Axes
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import Indices
 from orientd.planner.timing.profiles import quickest
@@ -68,6 +70,7 @@ def blend(
     period: float,
     earliest: int = 0,
     motion_id: str | None = None,
+    mechanism: Mechanism | None = None,
 ) -> tuple[int, Motion]:
     """Plan a motion that follows another one, without a stop between them if possible.
 
@@ -84,6 +87,7 @@ def blend(
         period: the device's cycle, s.
         earliest: the first record of *first* at which the blend may leave it.
         motion_id: identifier of the motion; by default a new random one.
+        mechanism: of a device whose axes the timings regard.
 
     Returns:
         The record of *first* at which to leave it, and the motion from there on.  Three records
@@ -102,16 +106,26 @@ def blend(
     if facts.period != period:
         raise ValueError(f"period must be that of the first motion, {facts.period}, got {period}")
     if _joins_end(first, request):
-        return _moving_on(first, request, limits, period, earliest, motion_id)
+        return _moving_on(first, request, limits, period, earliest, motion_id, mechanism)
     end = first.state_at(first.last_record)
     start = State.at_rest(end.q, end.position)
-    second = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
+    second = plan(
+        request, start=start, limits=limits, period=period, motion_id=motion_id,
+        axes=_axes(first, first.last_record, mechanism),
+    )  # fmt: skip
     if tolerance > 0.0:
         blended = _blended(first, second, tolerance, earliest)
         if not isinstance(blended, str):
             return blended
         second = second.noted(f"{NOT_BLENDED}: {blended}")
     return first.last_record + HISTORY, second
+
+
+def _axes(first: RecordedMotion, record: int, mechanism: Mechanism | None) -> Axes | None:
+    """Return the axes of a device at a record, for the timing of what follows."""
+    if mechanism is None:
+        return None
+    return Axes(mechanism, first.joints_at(record), is_recorded=False)
 
 
 # Join at an end velocity
@@ -133,6 +147,7 @@ def _moving_on(
     period: float,
     earliest: int,
     motion_id: str | None,
+    mechanism: Mechanism | None,
 ) -> tuple[int, Motion]:
     """Return the record before the end of the first motion, and the motion that continues there.
 
@@ -153,7 +168,10 @@ def _moving_on(
             f"passed {late:.3g} s before this is ready; queue it earlier, or set `approach: true`"
         )
     start = first.state_at(record) if not lead else first.end_state
-    second = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
+    second = plan(
+        request, start=start, limits=limits, period=period, motion_id=motion_id,
+        axes=_axes(first, record, mechanism),
+    )  # fmt: skip
     path = second.path
     if not lead or not isinstance(path, Path):
         return record, second

@@ -108,11 +108,14 @@ class DevicePlanner:
         self._check_options(request, mechanism)
         placed, limits = self.placed(request, start), self._limits
 
-        def path_from(state: State, axes: Axes | None = None) -> Planning:
-            return partial(
-                plan, start=state, limits=limits, period=self._period, motion_id=motion_id,
-                axes=axes,
-            )  # fmt: skip
+        axes: Axes | None = None
+        if mechanism is not None and not isinstance(mechanism, Gimbal):
+            axes = Axes(mechanism, tuple(joints), before, rates)
+        of_timing = None if axes is None else Axes(axes.mechanism, axes.joints, is_recorded=False)
+        path_of = partial(plan, limits=limits, period=self._period, motion_id=motion_id)
+
+        def path_from(state: State) -> Planning:
+            return partial(path_of, start=state, axes=of_timing)
 
         planning, follow = path_from(start), None
         cones = self._cones(request, unix_ns)
@@ -123,9 +126,9 @@ class DevicePlanner:
                 keep_out=keep_out,
             )  # fmt: skip
             planning, follow = partial(_fitted, fitting), fitting.followed
-        elif mechanism is not None:
-            axes = Axes(mechanism, tuple(joints), before, rates)
-            planning, follow = path_from(start, axes), partial(with_axes, axes=axes)
+        elif axes is not None:
+            planning = partial(path_of, start=start, axes=axes)
+            follow = partial(with_axes, axes=axes)
         if cones is None:
             return planning(placed)
         around = Around(
@@ -241,6 +244,7 @@ class DevicePlanner:
                 period=self._period,
                 earliest=earliest,
                 motion_id=motion_id,
+                mechanism=mechanism,
             )
             if record > first.last_record:
                 if mechanism is None and cones is None:

@@ -154,7 +154,9 @@ class Fitting:
         if not self.joints or is_moving or is_timed or self._is_near_pole(tool):
             return None
         try:
-            found = self.fitted(self.planned(request, Axes(self.gimbal, self.joints)))
+            found = self.fitted(
+                self.planned(request, Axes(self.gimbal, self.joints, is_recorded=False))
+            )
         except PlanError:
             # The tool's own lead-in may pass elsewhere, where the axes can.
             return None

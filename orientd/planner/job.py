@@ -542,7 +542,7 @@ def certified(
 
     Args:
         whole: from rest to rest, or from the state of the motion that it takes over.
-        axes: of the device, whose limits are checked too if they keep to the path.
+        axes: of the device, whose limits are checked too if the records have them.
 
     Raises:
         LimitError: it breaks one.
@@ -552,7 +552,7 @@ def certified(
     count = math.ceil(path.duration / period - _END_SLACK) + 1
     begin, end = whole.times[[0, -1]].tolist()
     records = None
-    if axes is not None and axes.keep_to_path and isinstance(path, Path):
+    if axes is not None and axes.is_recorded and isinstance(path, Path):
         path, records = axes.recorded(path, count, period)
     return Motion(
         id=motion_id,

@@ -62,25 +62,25 @@ def followed(
         has_one_way: whether a lower pace has the same way, as from rest to rest.
 
     Raises:
-        PlanError: the axes cannot follow any of them; the refusal is that of the shortest.
+        PlanError: the axes cannot follow any of them; the reason is that of the shortest.
     """
     refusal: PlanError | None = None
     for pace in [1.0] if has_one_way else _PACES.tolist():
         try:
-            return _followed(find(pace), axes, near, limits, period, keeps_pace=pace == 1.0)
+            return _followed(find(pace), axes, near, limits, period, is_quickest=pace == 1.0)
         except PlanError as error:
             refusal = refusal or error
     raise refusal or ValueError("there must be a pace")
 
 
 def _followed(
-    lead: Lead, axes: Axes, near: Joints, limits: Limits, period: float, *, keeps_pace: bool
+    lead: Lead, axes: Axes, near: Joints, limits: Limits, period: float, *, is_quickest: bool
 ) -> Lead:
     """Return the same way at a pace that the axes can follow.
 
     Args:
-        keeps_pace: whether the way stays as it is if the axes can follow the tool.  One to a moving
-            end always does.
+        is_quickest: whether its own pace is the quickest of the tool, so that it stays if the axes
+            can follow it.  So does a pace that no timing begins or ends with.
 
     Raises:
         PlanError: the axes cannot follow it, or the limits allow no timing.
@@ -90,19 +90,35 @@ def _followed(
     whole = Trajectory.joined(lead.parts)
     path = KeyframePath(whole, lead.positions, np.array([0.0, whole.duration]))
     along = axes.along(path, near, limits, period, _SHARE, _RISE)
-    moves_at_end = not path.held_ends(limits)[1]
-    if (keeps_pace or moves_at_end) and along.excess(period) <= 1.0:
-        return replace(lead, joints=along.end)
-    if moves_at_end:
-        raise PlanError("the axes cannot follow the tool to a moving end")
+    own, (begins_at_rest, ends_at_rest) = replace(lead, joints=along.end), path.held_ends(limits)
+    can_follow = along.excess(period) <= 1.0
+    if can_follow and is_quickest:
+        return own
+    if not (begins_at_rest or ends_at_rest):
+        # It takes whole periods, which no timing keeps between two velocities.
+        if can_follow:
+            return own
+        raise PlanError(
+            "the axes cannot follow the tool from one velocity to another; stop first, or ask for "
+            "a lower one"
+        )
     finer = replace(whole, knots=_finer(whole.knots, _ELEMENT * period))
-    timed = quickest(replace(path, trajectory=finer), limits, period, axes=along)
+    try:
+        timed = quickest(replace(path, trajectory=finer), limits, period, axes=along)
+    except PlanError:
+        if can_follow:
+            return own
+        raise
     cycles = math.ceil(timed.duration / period - _WHOLE)
-    rest, parts = cycles * period - timed.duration, [timed.trajectory]
+    rest, parts, positions = cycles * period - timed.duration, [timed.trajectory], timed.positions
     if rest > _WHOLE * period:
-        q = end_states(timed.trajectory)[1].q
-        parts.append(hold(np.ascontiguousarray(q), rest).shifted(timed.duration))
-    return Lead(tuple(parts), cycles, timed.positions, along.end)
+        first, last = end_states(timed.trajectory)
+        if ends_at_rest:
+            parts.append(hold(np.ascontiguousarray(last.q), rest).shifted(timed.duration))
+        else:
+            parts = [hold(np.ascontiguousarray(first.q), rest), timed.trajectory.shifted(rest)]
+            positions = positions.delayed(rest)
+    return Lead(tuple(parts), cycles, positions, along.end)
 
 
 def _finer(knots: Floats, widest: float) -> Floats:

@@ -25,7 +25,7 @@ from orientd.model.limits import Limits
 from orientd.planner.certify.measuring import AxisRecords
 from orientd.planner.path import Path, RecordedPath
 from orientd.planner.timing.keyframe_path import KeyframePath
-from orientd.rotation import Floats
+from orientd.rotation import Floats, angle
 
 SHARE, VELOCITY_SHARE = 0.90, 0.9998
 """Shares of the limits of an axis that a timing uses: of acceleration and jerk, and of velocity.
@@ -41,10 +41,19 @@ Setpoints between two records are poses, or cubics of the joints.  Both differ w
 jumps from one record to the next.
 """
 
-_FEWEST, _DENSE, _MOST = 24, 192, 3072  # samples in an interval between two knots
+_FEWEST, _COARSE = 24, 0.1
+"""Fewest samples in an interval between two knots, and the largest turn of the tool from one to the
+next, rad."""
+
+_DENSE, _MOST = 8, 128
+"""Factors of the fewest samples: from the first on an axis that jumps shows, and up to the second
+they double."""
+
 _EXACT = 1e-2
 """Largest change of an acceleration when the samples double, as a share of its limit."""
 
+_NO_WAY = 1e-9  # rad and m, between two knots
+_ROUNDING = 1e-15  # rad, of an angle, which differences of near samples enlarge
 _NEAR = 1e-3
 """Distance of the poses on both sides of a record that give the axis velocities there, periods."""
 
@@ -119,17 +128,15 @@ class Axes:
         before: planned angles of the previous cycles, if it begins in motion, oldest first; see
             :meth:`.RecordedMotion.joints_before`.
         rates: planned velocities there, rad/s.
+        is_recorded: whether the records of the motion have them; otherwise the timing alone regards
+            them.
     """
 
     mechanism: Mechanism
     joints: Joints
     before: Sequence[Joints] = ()
     rates: Joints = ()
-
-    @property
-    def keep_to_path(self) -> bool:
-        """Whether the axes follow a path exactly; those of a gimbal may leave it near a pole."""
-        return not isinstance(self.mechanism, Gimbal)
+    is_recorded: bool = True
 
     def recorded(self, path: Path, count: int, period: float) -> tuple[RecordedPath, AxisRecords]:
         """Return the records of a path, and the angles and velocities of the axes there.
@@ -189,8 +196,8 @@ class Axes:
             PlanError: the axes cannot go along it, at whatever pace.
         """
         breaks, pieces = [], []
-        for begin, end in pairwise(path.trajectory.knots.tolist()):
-            grid, joints, first, second = self._sampled(path, (begin, end), near, tool, place)
+        for span in pairwise(_knots(path, period)):
+            grid, joints, first, second = self._sampled(path, span, near, tool, period, place)
             near = tuple(joints[-1].tolist())
             breaks.append(grid[:-1])
             pieces.append(_quintics(joints, first, second, grid[1] - grid[0]))
@@ -207,26 +214,50 @@ class Axes:
         span: tuple[float, float],
         near: Joints,
         tool: Limits,
+        period: float,
         place: Callable[[float], str],
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Return path times, angles and their two derivatives in an interval between two knots."""
-        mechanism, count, before = self.mechanism, _FEWEST, None
+        mechanism, before = self.mechanism, None
         most = np.array([(axis.velocity, axis.acceleration) for axis in mechanism.axes])
+        rates = path.trajectory.sample(np.linspace(*span, _FEWEST))[1]
+        turn = float(np.linalg.norm(rates, axis=1).max()) * (span[1] - span[0])
+        count = fewest = max(_FEWEST, math.ceil(turn / _COARSE))
         while True:
             grid = np.linspace(*span, count + 1)
             h = float(grid[1] - grid[0])
             q, position = path.trajectory.orientations(grid), path.positions.sample(grid)[0]
             joints = joints_along(mechanism, grid, q, position, near, place)
-            if self.keep_to_path:
-                check_way(mechanism, joints, grid, place, is_dense=count >= _DENSE)
+            if not isinstance(mechanism, Gimbal):
+                # The axes of a gimbal may also go along it on other turns.
+                check_way(mechanism, joints, grid, place, is_dense=count >= _DENSE * fewest)
             first, second = _derivatives(joints, h)
             if before is not None:
                 pace = _most_square(path, grid, (first, second), most, tool)
+                # No way takes less than a period.
+                pace = np.minimum(pace, (path.duration / period) ** 2)
                 with np.errstate(invalid="ignore"):
                     off = np.abs(second[::2] - before) * pace[::2, None] / most[:, 1]
-                if not np.nanmax(off) > _EXACT or count >= _MOST:
+                blurred = _ROUNDING / h**2 * np.nanmax(pace) > _EXACT * most[:, 1].min()
+                if not np.nanmax(off) > _EXACT or blurred or count >= _MOST * fewest:
                     return grid, joints, first, second
             before, count = second, 2 * count
+
+
+def _knots(path: KeyframePath, period: float) -> list[float]:
+    """Return the knots of a path between which it is smooth as far as differences can tell.
+
+    In less than a period a path that hardly turns and moves differs from its neighbours by rounding
+    alone.
+    """
+    knots = path.trajectory.knots
+    q, position = path.trajectory.orientations(knots), path.positions.sample(knots)[0]
+    ways = angle(q[:-1], q[1:]) + np.linalg.norm(np.diff(position, axis=0), axis=1)
+    is_short = (np.diff(knots) < period) & (ways < _NO_WAY)
+    is_kept = np.append(~is_short, True)
+    is_kept[0] = True
+    kept: list[float] = knots[is_kept].tolist()
+    return kept
 
 
 def _most_square(

@@ -11,14 +11,15 @@ from planned import LIMITS, PERIOD, vector
 
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, PlanError
+from orientd.keep_out import KeepOut
 from orientd.mechanism import Gimbal, Mechanism
-from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.planner.connect.leads import straight
 from orientd.planner.fitting import Fitting
 from orientd.planner.planning import plan
 from orientd.planner.timing.axes import SHARE, Axes
 from orientd.planner.timing.profiles import quickest
-from orientd.rotation import angle, exp, log, multiply
+from orientd.rotation import angle, exp, log, multiply, rotate
 from orientd_ur.arm import MODELS
 
 FREE = Limits(50.0, 5e3, 1e7, 10.0, 1e3)
@@ -470,3 +471,76 @@ def test_times_that_a_joint_cannot_keep_are_refused_with_a_duration_that_it_can(
         taking(1.0)
     seconds = float(re.search(r"([0-9.]+) s in place of", str(caught.value))[1])
     assert taking(seconds).duration == pytest.approx(seconds, abs=0.01)
+
+
+@pytest.mark.parametrize("speed", [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4])
+def test_an_arm_may_arrive_at_a_keyframe_with_hardly_any_velocity(speed):
+    planner = Arm(MODELS["ur5e"].arm(), tuple(HOME.tolist()))
+    q, position = planner.mechanism.forward(planner.joints)
+    goal = Keyframe(
+        tuple(multiply(np.array(q), exp(np.array([0.5, 0.0, 0.0]))).tolist()), position=position
+    )
+    still = planner.plan(MotionRequest([goal], approach=True))
+    motion = planner.plan(MotionRequest([goal], approach=True, end_velocity=(speed, 0.0, 0.0)))
+    assert motion.duration < 1.1 * still.duration
+
+
+def test_an_endless_joint_may_turn_two_hundred_times():
+    arm = MODELS["ur3e"].arm()
+    planner = Arm(arm, tuple(HOME.tolist()))
+    q, position = arm.forward(planner.joints)
+    frames = [Keyframe(q, position=position)]
+    there = arm.forward((*HOME[:5].tolist(), 1.0))
+    frames.append(Keyframe(there[0], position=there[1], turns=200))
+    motion = planner.plan(MotionRequest(frames))
+    assert np.ptp(motion.path.joints[:, 5]) == pytest.approx(400.0 * math.pi + 1.0, abs=1e-6)
+
+
+class Device:
+    """A driver whose device is an arm."""
+
+    name = "arm"
+
+    def __init__(self, arm):
+        self.arm = arm
+
+    def mechanism(self, *, may_ask):
+        return self.arm
+
+
+def slow_arm():
+    """Return the planner of an arm with slow joints, its pose, and turns of it about one axis."""
+    arm, joints = MODELS["ur5e"].arm().slower(5.0), tuple(HOME.tolist())
+    q, position = arm.forward(joints)
+    planner = DevicePlanner(Device(arm), limits=LIMITS["arm"], period=PERIOD)
+    start = State.at_rest(np.array(q), np.array(position))
+
+    def turned(angle):
+        return tuple(multiply(np.array(q), exp(np.array([0.0, 0.0, angle]))).tolist())
+
+    return planner, start, joints, turned
+
+
+def test_a_motion_that_joins_at_an_end_velocity_is_timed_for_the_axes():
+    planner, start, joints, turned = slow_arm()
+    velocity, keys = (0.0, 0.0, 0.2), [Keyframe(turned(one)) for one in (0.0, 0.6, 1.2)]
+    first = planner.plan(
+        MotionRequest(keys[:2], end_velocity=velocity), start=start, joints=joints
+    ).recorded()
+    request = MotionRequest(keys[1:], start_velocity=velocity)
+    record, motion = planner.blend(first, request, tolerance=0.0, earliest=3)
+    rows = [first.joints_at(one) for one in range(record)]
+    shares = rates_of(np.concatenate([rows, motion.path.joints]), planner._examiner.arm.axes)
+    assert max(float(one.max()) for one in shares[:2]) <= 1.001
+
+
+def test_a_lead_in_around_a_cone_is_timed_for_the_axes():
+    planner, start, joints, turned = slow_arm()
+    direction = rotate(np.array(turned(0.5)), np.array([1.0, 0.0, 0.0]))
+    cone = KeepOut("sun", tuple(direction.tolist()), 0.12, 0.0)
+    keys = [Keyframe(turned(1.0), time=0.0), Keyframe(turned(1.3), time=3.0)]
+    request = MotionRequest(keys, approach=True, keep_out=[cone])
+    motion = planner.plan(request, start=start, joints=joints)
+    shares = rates_of(motion.path.joints, planner._examiner.arm.axes)
+    assert max(float(one.max()) for one in shares[:2]) <= 1.001
+    assert any(one.startswith("led around") for one in motion.certificate.notes)
