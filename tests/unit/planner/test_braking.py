@@ -116,7 +116,7 @@ def test_whole_turns_that_no_curve_was_found_for_are_refused_not_left_out():
     motion = planned([*keys, last], limits=QUICK)
     assert motion.path.trajectory.turned(motion.keyframe_times)[-1] > 6.0
     with pytest.raises(
-        PlanError, match="2 whole turns from keyframe 1 .*: add a keyframe for each"
+        PlanError, match=r"2 whole turns from keyframe 1 .*: add a keyframe for each"
     ):
         planned([*keys, replace(last, turns=2)], limits=QUICK)
 
