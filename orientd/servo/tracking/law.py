@@ -1,8 +1,8 @@
 """The law of tracking for a tool's turn or its position (``kernels/c/law.h``, ``vector.h``).
 
 The motion is a chain of backward differences, exactly as the guard computes them.  In each cycle
-the acceleration changes by what the jerk allows, the velocity by ``h`` times the acceleration, and
-the tool moves by ``h`` times the velocity.  A limit holds for the norm of a vector and for each of
+the acceleration changes within the jerk, the velocity by ``h`` times the acceleration, and the tool
+moves by ``h`` times the velocity.  A limit holds for the norm of a vector and for each of
 its components.  A straight path to the target stays straight.
 
 The law closes in on a reference as fast as a stop relative to the reference allows, with the part
@@ -109,8 +109,8 @@ def gains_of(acceleration: float, jerk: float, period: float) -> Gains:
 class Need:
     """The share of each limit that the reference itself takes.
 
-    That is the mean of what it takes now and of its amplitude, which is that of a sine but not of
-    noise: the square root of twice the mean square of the last time.
+    That is the mean of its present share and of its amplitude.  The amplitude is the square root of
+    twice the mean square of the last time, the peak of a sine but not of noise.
 
     Attributes:
         spare: shares of velocity, acceleration and jerk that it leaves free.
@@ -192,7 +192,6 @@ class Law:
 
     Attributes:
         period: of a cycle, s.
-        velocity: largest of any direction, rad/s or m/s.
         acceleration: largest of any direction, rad/s^2 or m/s^2.
         rest: gains for a target at rest.
         need: of the reference so far.
@@ -232,7 +231,7 @@ class Law:
         jerk = min(jerk, acceleration / (2.0 * h))
         parts[2] = [min(j, a / (2.0 * h)) for a, j in zip(parts[1], parts[2], strict=True)]
         self._row = array("d", (velocity, acceleration, jerk, *parts[0], *parts[1], *parts[2]))
-        self.velocity = min(velocity, max(parts[0]))
+        self._has_axes = min(map(min, parts)) < inf
         self.acceleration = min(acceleration, max(parts[1]))
         self.rest = gains_of(self.acceleration, min(jerk, max(parts[2])), h)
         self.need.forget()
@@ -249,8 +248,10 @@ class Law:
     def share(self, kind: int, vector: Vector3) -> float:
         """Return the share of a limit that a vector takes; *kind* 0 is velocity, 2 is jerk."""
         row = self._row
-        parts = (abs(x) / row[3 + 3 * kind + i] for i, x in enumerate(vector))
-        return max(norm(vector) / row[kind], *parts)
+        share = norm(vector) / row[kind]
+        if self._has_axes:
+            share = max(share, *(abs(x) / row[3 + 3 * kind + i] for i, x in enumerate(vector)))
+        return share
 
     def stopping_way(self, rate: Vector3, change: Vector3) -> float:
         """Return the way of the quickest stop along a velocity, rad or m."""
