@@ -109,7 +109,7 @@ def moves(job: PlanJob) -> KeyframePath:
                     f"the single move to keyframes[{index}] takes {leg.duration:.4g} s, its times "
                     f"leave {time:.4g} s"
                 )
-            leg = _lasting(leg, time)
+            leg = _lasting(leg, one, time)
         legs.append(leg)
     times = np.cumsum([0.0, *(leg.duration for leg in legs)])
     path = KeyframePath.joined(legs, times, (STOPS,) if len(states) > 2 else ())
@@ -209,7 +209,7 @@ def resting(job: PlanJob, plan_it: Planned, *, is_connected: bool = True) -> Key
     if request.total is not None:
         refusal.check_total(request.total, before + duration + after)
         duration = max(duration, request.total - before - after)
-    inner, until = _lasting(inner, duration), begin + duration
+    inner, until = _lasting(inner, rests[0], duration), begin + duration
     whole = until + after if request.times is None else float(np.ptp(request.times))
     pauses = _held(rests[0], begin - before), _held(rests[-1], whole - after - until)
     passed = begin + inner.times if times is None else times
@@ -358,11 +358,11 @@ def _is_elsewhere(one: State, other: State) -> bool:
     return bool(angle(one.q, other.q) > SAME) or bool((one.position != other.position).any())
 
 
-def _lasting(path: KeyframePath, duration: float) -> KeyframePath:
-    """Return a path of another duration, s; a rest has no pace to change."""
+def _lasting(path: KeyframePath, first: State, duration: float) -> KeyframePath:
+    """Return a path from a state with another duration, s; one that takes no time is a rest."""
     if path.duration:
         return path.slowed(duration)
-    return _held(path.first, duration, count=len(path.times))
+    return _held(first, duration, count=len(path.times))
 
 
 def _held(state: State, duration: float, *, count: int = 2) -> KeyframePath:
