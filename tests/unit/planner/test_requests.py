@@ -32,7 +32,7 @@ def test_a_sample_of_requests_has_no_fault_and_no_false_refusal(limits):
     ("kind", "seed"),
     [
         *(("times", seed) for seed in (30, 64, 66, 102, 108, 109, 115, 126, 165, 250, 277, 286)),
-        *(("duration", seed) for seed in (47, 72, 96)),
+        *(("duration", seed) for seed in (47, 72, 96, 341)),
     ],
 )
 def test_what_single_moves_can_do_is_planned_without_a_turn_too_many(kind, seed):
