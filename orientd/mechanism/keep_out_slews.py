@@ -1,9 +1,10 @@
 r"""Lead the slews of a gimbal of two axes around keep-out cones, by a search over its axis angles.
 
-The search covers a part of the path (:mod:`orientd.mechanism.angle_grid`).  A step on one of the
-lines costs nothing, a step elsewhere its time, and no step enters a cone.  The cheapest chain of
-steps may leave the path at another time, turn the other way round, or pass a cone above or below.
-Then it is straightened: the slew keeps only the corners that it needs.
+The angles lie on a grid on which both axes turn by one cell in the same time.  So the quickest way
+is the one of fewest steps to a neighbour, straight or diagonal, and a search in breadth finds it:
+each cell is visited once, however the cones lie.  Then the way is straightened: it keeps only the
+corners that it needs.  A slew of a path that leads around takes longer, so its begin and end are
+chosen again.
 """
 
 from __future__ import annotations
@@ -14,30 +15,24 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd.driver import AxisLimits
-from orientd.mechanism.angle_grid import AngleGrid, GridLines, Indices, cheapest_chain
 from orientd.mechanism.arrays import orientations
+from orientd.mechanism.crossings import Crossings
 from orientd.mechanism.gimbal import Gimbal
-from orientd.mechanism.lines import Bools, Sky
-from orientd.mechanism.schedule import Crossing, Schedule, refined
+from orientd.mechanism.router import Bools, Chain, Crossing, Indices, Sky
 from orientd.rotation import Floats
 
 Clearance = Callable[[Floats, Floats], Floats]
 """Returns the least clearance from all cones, rad: orientations ``(n, 4)``, times in s ``(n,)``."""
 
-
-_AROUND = 1.5
-"""Time before and after a slew within which it may move, in times of the longest slew."""
-_FEWEST = 5
-"""Steps on a line that count as following it."""
-_SUN_STEP = 30.0
-"""Time after which the positions of the cones are computed again, s.
-
-The sun turns by 0.12 degrees.
-"""
-_ATTEMPTS = 5
-"""Most parts of a path whose slews are replaced."""
+_ATTEMPTS = 8
+"""Most slews of a path that are replaced or left out."""
+_APART = 1.5
+"""Time before and after a slew at which the path counts, in times of the longest slew."""
 _CLOSER = 1e-3
 """How much nearer than its ends a slew may come to a cone within the reserve, rad."""
+_CELL, _MOST_CELLS = np.radians(1.5), 100_000
+"""Largest cell of the grid, rad, and the most cells."""
+_SHORTER = 0.9
 
 
 class Obstacles(NamedTuple):
@@ -53,6 +48,10 @@ class Obstacles(NamedTuple):
     reserve: float
     begin: float
 
+    def of(self, gimbal: Gimbal, joints: Floats, times: Floats) -> Floats:
+        """Return the clearance of axis angles at times since the first sample of the path, rad."""
+        return self.clearance(orientations(gimbal, joints), self.begin + times)
+
     def are_cleared(
         self, gimbal: Gimbal, joints: Floats, times: Floats, near: Sequence[int] = (0, -1)
     ) -> bool:
@@ -64,7 +63,7 @@ class Obstacles(NamedTuple):
             times: s since the first sample of the path, shape ``(n,)``.
             near: indices of angles that may be within the reserve; the others may be as close.
         """
-        found = self.clearance(orientations(gimbal, joints), self.begin + times)
+        found = self.of(gimbal, joints, times)
         least = min([self.reserve, *(float(found[one]) - _CLOSER for one in near)])
         return bool(np.all(found >= least))
 
@@ -72,50 +71,84 @@ class Obstacles(NamedTuple):
 def around(
     gimbal: Gimbal,
     sky: Sky,
-    plan: Schedule,
     obstacles: Obstacles,
-    laid: Callable[[Schedule], Floats],
+    laid: Callable[[Chain], Floats],
+    search: Crossings,
+    entry: Floats,
     *,
     period: float,
     axes: Sequence[AxisLimits],
-    counts: Bools,
-    entry: Floats,
-) -> Schedule | None:
-    """Return a schedule whose slews keep out of the cones.
+) -> Chain | None:
+    """Return a chain whose slews keep out of the cones.
+
+    A slew without a way around is left out, and another chain is searched for.  Some time before
+    and after that slew it must be on the path, so that no more of it is lost than with the slew.
 
     Args:
         gimbal: the gimbal, of two axes.
         sky: the path with its lines.
-        plan: the best schedule without cones.
         obstacles: the cones.
-        laid: returns the axis angles of a schedule.
+        laid: returns the axis angles of a chain.
+        search: for the best chain without cones.
+        entry: as for :meth:`.Crossings.best`.
         period: of the samples, s.
         axes: limits of the axes that the plan may use.
-        counts: of each sample, whether being off the path there counts as lost, shape ``(n,)``.
-        entry: cost of beginning on each line, s; infinite where that is impossible.
 
     Returns:
-        ``None`` if a slew has no way around.
+        ``None`` if no chain keeps out of them.
     """
+    plan, entry, joined = search.best(entry), entry.copy(), np.empty(0, dtype=np.intp)
+    wide = int(_APART * _longest(sky, axes, period))
+    times = period * np.arange(len(sky.exact), dtype=np.float64)
     for _ in range(_ATTEMPTS):
-        joints, times = laid(plan), period * np.arange(len(sky.exact), dtype=np.float64)
-        blocked = [
-            (first, last)
-            for first, last, near in _off_path(sky, plan, gimbal.on_target)
-            if not obstacles.are_cleared(
-                gimbal, joints[first : last + 1], times[first : last + 1], near
-            )
-        ]
-        if not blocked:
+        if plan is None:
+            break
+        if any(sky.lines[plan.at(at)].error[at] > gimbal.on_target for at in joined.tolist()):
+            # From another first line there may be a chain that is on the path there.
+            entry[plan.line] = np.inf
+            plan = search.best(entry)
+            continue
+        joints = laid(plan)
+        for first, last, near in _off_path(sky, plan, gimbal.on_target):
+            part = slice(first, last + 1)
+            if not obstacles.are_cleared(gimbal, joints[part], times[part], near):
+                break
+        else:
             return plan
-        found = _replaced(gimbal, sky, plan, blocked[0], obstacles, period, axes, counts, entry)
-        if found is None:
+        inside = [one for one in plan.crossings if one.first < last and first < one.last]
+        first = min([first, *(one.first for one in inside)])
+        last = max([last, *(one.last for one in inside)])
+        ends = plan.at(first), plan.at(last)
+        start, goal = sky.lines[ends[0]].joints[first], sky.lines[ends[1]].joints[last]
+        via = way_between(gimbal, start, goal, obstacles, axes=axes, times=times[[first, last]])
+        if via is None:
+            search.close(*ends)
+            around_it = np.array([first - wide, last + wide])
+            is_within = (around_it > 0) & (around_it < len(times) - 1)
+            joined = np.concatenate([joined, around_it[is_within]])
+            plan = search.best(entry)
+            continue
+        before = [one for one in plan.crossings if one.last <= first]
+        after = [one for one in plan.crossings if one.first >= last]
+        limits = before[-1].last if before else 0, after[0].first if after else len(times) - 1
+        # The way around may last longer by any part of the path.
+        lasts = _lasting(np.stack([start, *via, goal]), axes, period)
+        led = search.refined(Crossing(first, last, *ends, via), *limits, wide=lasts)
+        if led is None:
             return None
-        plan = found
+        plan = Chain(plan.line, (*before, led, *after))
     return None
 
 
-def _off_path(sky: Sky, plan: Schedule, tolerance: float) -> Iterator[tuple[int, int, list[int]]]:
+def _longest(sky: Sky, axes: Sequence[AxisLimits], period: float) -> float:
+    """Return the samples that an axis needs for all of its range, or for the lines and a turn."""
+    every = np.concatenate([line.joints for line in sky.lines])
+    low, high, speed = np.array([(axis.low, axis.high, axis.velocity) for axis in axes]).T
+    wide = np.minimum(high - low, np.ptp(every, axis=0) + 2.0 * np.pi)
+    return float(np.max(wide / speed)) / period
+
+
+def _off_path(sky: Sky, plan: Chain, tolerance: float) -> Iterator[tuple[int, int, list[int]]]:
     """Yield first and last sample of each part off the path, and which of these are on it."""
     is_off = sky.lines[plan.line].error > tolerance
     for one in plan.crossings:
@@ -127,174 +160,86 @@ def _off_path(sky: Sky, plan: Schedule, tolerance: float) -> Iterator[tuple[int,
         yield max(begin - 1, 0), min(end, len(is_off) - 1), near
 
 
+def _lasting(corners: Floats, axes: Sequence[AxisLimits], period: float) -> int:
+    """Return the samples that the axes need from corner to corner, rounded up."""
+    speed = np.array([axis.velocity for axis in axes])
+    seconds = float(np.sum(np.max(np.abs(np.diff(corners, axis=0)) / speed, axis=1)))
+    return int(np.ceil(seconds / period))
+
+
 def way_between(
     gimbal: Gimbal,
     start: Floats,
     goal: Floats,
     obstacles: Obstacles,
     *,
-    period: float,
     axes: Sequence[AxisLimits],
+    times: Floats,
 ) -> Floats | None:
-    """Return the corners of the quickest way from rest to axis angles outside of the cones.
+    """Return the corners of the quickest way between axis angles outside of the cones.
 
     Args:
         gimbal: the gimbal, of two axes.
         start: axis angles, rad, shape ``(2,)``.
         goal: axis angles, rad, shape ``(2,)``.
-        obstacles: the cones, where they are when the path begins.
-        period: of the samples, s.
+        obstacles: the cones.
         axes: limits of the axes that the plan may use.
+        times: when the way begins and ends, s since the first sample of the path, shape ``(2,)``.
 
     Returns:
         Shape ``(n, 2)``, without both ends; ``None`` if there is no way.
     """
     ends = np.stack([start, goal])
-    longest = 3 * _longest(axes, ends[None], period)
-    grid = AngleGrid.of(ends[None], axes, period, longest)
-    count = longest // grid.stride + 2
-    found = obstacles.clearance(
-        orientations(gimbal, np.concatenate([ends, grid.every])), np.full(len(grid.every) + 2, 0.0)
+    low, high, speed = np.array([(axis.low, axis.high, axis.velocity) for axis in axes]).T
+    low = np.maximum(low, ends.min(axis=0) - 2.0 * np.pi)
+    high = np.minimum(high, ends.max(axis=0) + 2.0 * np.pi)
+    # Time in which the faster axis turns by a cell.
+    step = max(
+        float(_CELL / speed.max()), float(np.sqrt(np.prod((high - low) / speed) / _MOST_CELLS))
     )
-    # Near a cone the ends themselves have no reserve.
-    away = min(_kept(grid, obstacles), float(found[:2].min()))
-    cells = np.repeat(grid.cells(ends)[:, None], count, axis=1)
-    is_on = np.ones((2, count), dtype=bool)
-    is_on[0, 1:] = False
-    is_free = (found[2:] >= away).reshape(1, *grid.shape)
-    part = np.zeros(count, dtype=np.intp)
-    lines = GridLines(cells, is_on, np.ones(count), is_free, part)
-    chain = cheapest_chain(lines, np.array([0.0, np.inf]), np.array([False, True]))
+    shape = np.maximum(np.ceil((high - low) / (speed * step)), 1.0).astype(np.intp) + 1
+    cell = np.maximum((high - low) / (shape - 1), 1e-12)
+    every = low + cell * np.argwhere(np.ones(shape, dtype=np.bool_))
+    found = np.min([obstacles.of(gimbal, every, np.full(len(every), at)) for at in times], axis=0)
+    # Two neighbours have the reserve between them; near a cone the ends have none themselves.
+    kept = obstacles.reserve + 0.5 * float(np.linalg.norm(cell))
+    away = min(kept, float(obstacles.of(gimbal, ends, times).min()))
+    places = np.clip(np.rint((ends - low) / cell).astype(np.intp), 0, shape - 1)
+    chain = _fewest(np.reshape(found >= away, shape), places[0], places[1])
     if chain is None:
         return None
-    arrived = int(np.argmax(np.all(chain[0] == cells[1, 0], axis=1)))
-    points = grid.joints(chain[0][: arrived + 1])
-    points[[0, -1]] = ends
-    return _corners(gimbal, points, np.zeros(len(points)), obstacles)
+    points = np.concatenate([start[None], low + cell * chain[1:-1], goal[None]])
+    between = np.interp(np.linspace(0.0, 1.0, len(points)), [0.0, 1.0], times)
+    return _corners(gimbal, points, between, obstacles)
 
 
-def _longest(axes: Sequence[AxisLimits], joints: Floats, period: float) -> int:
-    """Return the samples that an axis needs for all of its range, or for the lines and a turn."""
-    found = []
-    for place, axis in enumerate(axes):
-        wide = float(np.ptp(joints[..., place])) + 2.0 * np.pi
-        found.append(min(axis.high - axis.low, wide) / axis.velocity)
-    return int(max(found) / period) + 1
+def _fewest(is_free: Bools, begin: Indices, end: Indices) -> Indices | None:
+    """Return the free cells from one to another with the fewest steps, shape ``(n, 2)``.
 
-
-def _replaced(
-    gimbal: Gimbal,
-    sky: Sky,
-    plan: Schedule,
-    blocked: tuple[int, int],
-    obstacles: Obstacles,
-    period: float,
-    axes: Sequence[AxisLimits],
-    counts: Bools,
-    entry: Floats,
-) -> Schedule | None:
-    """Return the schedule with other slews around some samples, or ``None``."""
-    every = np.stack([line.joints for line in sky.lines])
-    count = every.shape[1]
-    wide = int(_AROUND * _longest(axes, every, period))
-    begin, end = max(0, blocked[0] - wide), min(count - 1, blocked[1] + wide)
-    # A slew is replaced as a whole.
-    for one in plan.crossings:
-        begin = min(begin, one.first) if one.last > begin else begin
-    for one in reversed(plan.crossings):
-        end = max(end, one.last) if one.first < end else end
-    before = [one for one in plan.crossings if one.last <= begin]
-    after = [one for one in plan.crossings if one.first >= end]
-    grid = AngleGrid.of(every[:, begin : end + 1], axes, period, end - begin)
-    at = np.unique(np.append(np.arange(begin, end, grid.stride), end))
-    places = np.arange(len(sky.lines))
-    first = entry if begin == 0 else np.where(places == plan.at(begin), 0.0, np.inf)
-    is_last = (places == plan.at(end)) | (end == count - 1)
-    lines = _lines(gimbal, sky, grid, at, obstacles, period, counts)
-    chain = cheapest_chain(lines, first, is_last)
-    if chain is None:
+    The ends count as free.  Of equally short ways any is taken.
+    """
+    padded = np.pad(is_free, 1)
+    wide = padded.shape[1]
+    start, goal = (int((place[0] + 1) * wide + place[1] + 1) for place in (begin, end))
+    free = padded.ravel()
+    free[[start, goal]] = True
+    moves = np.array([-1, 1, -wide, wide, -wide - 1, -wide + 1, wide - 1, wide + 1])
+    came = np.full(len(free), -1, dtype=np.intp)
+    came[start] = start
+    front = np.array([start])
+    while len(front) and came[goal] < 0:
+        ahead, origin = (front[:, None] + moves).ravel(), np.repeat(front, len(moves))
+        is_new = free[ahead] & (came[ahead] < 0)
+        front, place = np.unique(ahead[is_new], return_index=True)
+        came[front] = origin[is_new][place]
+    if came[goal] < 0:
         return None
-    crossings = []
-    labels = _labels(chain, lines)
-    known = np.flatnonzero(labels >= 0)
-    for a, b in zip(known[:-1].tolist(), known[1:].tolist(), strict=True):
-        origin, goal = int(labels[a]), int(labels[b])
-        if b == a + 1 and origin == goal:
-            continue
-        points = grid.joints(chain[0][a : b + 1])
-        points[0], points[-1] = every[origin, at[a]], every[goal, at[b]]
-        via = _corners(gimbal, points, period * at[a : b + 1], obstacles)
-        if via is None:
-            return None
-        crossings.append(Crossing(int(at[a]), int(at[b]), origin, goal, via))
-    moved = [
-        refined(sky, one, grid.stride, period, axes, counts, gimbal.on_target) for one in crossings
-    ]
-    line = plan.line if begin else int(labels[0])
-    return Schedule(line, (*before, *moved, *after), plan.lost)
-
-
-def _lines(
-    gimbal: Gimbal,
-    sky: Sky,
-    grid: AngleGrid,
-    at: Indices,
-    obstacles: Obstacles,
-    period: float,
-    counts: Bools,
-) -> GridLines:
-    """Return where a chain may go at the samples *at*."""
-    joints = np.stack([line.joints[at] for line in sky.lines])
-    is_quick = [np.logical_or.reduceat(line.is_quick, at[:-1]) for line in sky.lines]
-    is_on = np.stack([line.error[at] <= gimbal.on_target for line in sky.lines])
-    is_on[:, :-1] &= ~np.stack(is_quick)
-    is_on[:, 1:] &= ~np.stack(is_quick)
-    step = np.append(np.diff(at), 0) * period
-    price = np.where(counts[at], step, 1e-3 * step)
-    since = obstacles.begin + period * at
-    q, away = orientations(gimbal, grid.every), _kept(grid, obstacles)
-
-    def free(when: float) -> Bools:
-        found = obstacles.clearance(q, np.full(len(q), when)) >= away
-        return np.reshape(found, grid.shape)
-
-    part = ((since - since[0]) / _SUN_STEP).astype(np.intp)
-    is_free = [free(float(since[0]))]
-    if np.array_equal(is_free[0], free(float(since[-1]))):
-        part = np.zeros_like(part)
-    else:
-        middles = float(since[0]) + _SUN_STEP * (np.arange(int(part[-1]) + 1) + 0.5)
-        is_free = [free(when) for when in middles.tolist()]
-    return GridLines(grid.cells(joints), is_on, price, np.stack(is_free), part)
-
-
-def _kept(grid: AngleGrid, obstacles: Obstacles) -> float:
-    """Return the clearance of two neighbours with which the way between them has the reserve."""
-    return obstacles.reserve + 0.5 * float(np.linalg.norm(grid.cell))
-
-
-def _labels(chain: tuple[Indices, int], lines: GridLines) -> Indices:
-    """Return the line that a chain follows at every step, -1 while it is on none."""
-    cells, line = chain
-    is_there = np.all(lines.cells == cells, axis=-1) & lines.is_on
-    count = len(cells)
-    # How long it stays on each line.
-    runs = np.zeros((len(is_there), count + 1), dtype=np.intp)
-    for at in range(count - 1, -1, -1):
-        runs[:, at] = np.where(is_there[:, at], runs[:, at + 1] + 1, 0)
-    labels = np.full(count, -1, dtype=np.intp)
-    labels[0] = line
-    for at in range(1, count):
-        if not is_there[line, at] or labels[at - 1] < 0:
-            longest = int(np.argmax(runs[:, at]))
-            if runs[longest, at] < min(_FEWEST, count - at):
-                continue
-            line = longest
-        labels[at] = line
-    if labels[-1] < 0:
-        same = np.all(lines.cells[:, -1] == cells[-1], axis=1)
-        labels[-1] = int(np.argmax(same))
-    return labels
+    way = [goal]
+    while way[-1] != start:
+        here = way[-1]
+        way.append(int(came[here]))
+    flat = np.array(way[::-1])
+    return np.stack([flat // wide - 1, flat % wide - 1], axis=1)
 
 
 def _corners(gimbal: Gimbal, points: Floats, times: Floats, obstacles: Obstacles) -> Floats | None:
@@ -315,7 +260,7 @@ def _corners(gimbal: Gimbal, points: Floats, times: Floats, obstacles: Obstacles
         while not _is_straight_clear(gimbal, points, times, obstacles, here, there):
             if there == here + 1:
                 return None
-            there = here + max(1, int(0.9 * (there - here)))
+            there = here + max(1, int(_SHORTER * (there - here)))
         corners.append(there)
         here = there
     return points[corners[:-1]]

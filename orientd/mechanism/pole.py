@@ -110,23 +110,26 @@ def passages(
     part = matrix[:, first : last + 1]
     line, sine = outer_line(gimbal, part)
     found = []
-    for come_in in (0.0, np.pi):
-        for branch in _BRANCHES:
-            best: Floats | None = None
-            low, high = 0.0, gimbal.max_deviation
-            for step in range(_BISECTIONS):
-                error = high if step == 0 else (low + high) / 2
-                joints = _attempt(gimbal, part, line + come_in, sine, branch, error, bounds)
-                if joints is None:
-                    if step == 0:
-                        break
-                    low = error
-                else:
-                    high, best = error, joints
-            if best is not None:
-                missed = float(np.max(of_arrays(gimbal).inner(part, best[:, 0])[1]))
-                if missed <= gimbal.max_deviation * (1 + 1e-9):
-                    found.append(Passage(first, last, branch, best, missed))
+    for branch in _BRANCHES:
+        best: Floats | None = None
+        low, high = 0.0, gimbal.max_deviation
+        for step in range(_BISECTIONS):
+            error = high if step == 0 else (low + high) / 2
+            joints = _attempt(gimbal, part, line, sine, branch, error, bounds)
+            if joints is None:
+                if step == 0:
+                    break
+                low = error
+            else:
+                high, best = error, joints
+        if best is None:
+            continue
+        missed = float(np.max(of_arrays(gimbal).inner(part, best[:, 0])[1]))
+        if missed <= gimbal.max_deviation * (1 + 1e-9):
+            # Half a turn apart all axes turn at the same rates, so with the same error.
+            other = joints_at(gimbal, part, best[:, 0] + np.pi)
+            other[:, 1:] = np.unwrap(other[:, 1:], axis=0)
+            found += [Passage(first, last, branch, one, missed) for one in (best, other)]
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +33,10 @@ _CRAWL_STEPS = 8.0
 _FINER = 8
 """Steps between two samples of a slow section, for a smooth pace."""
 _ATTEMPTS = 40
+_SLOWER = 1.005
+"""Least factor by which a slew that exceeds a limit is made longer."""
+_LEAST_PERIODS = 3
+"""Periods in which the acceleration of a slew changes at least."""
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
 _UNLIMITED = 1e12
@@ -128,26 +132,27 @@ def straight(
     Raises:
         PlanError: no duration keeps the limits.
     """
-    period = bounds.period
-    points = _POINTS + round(float(np.max(np.abs(there - here))) / _STEP)
+    period, gap = bounds.period, there - here
+    points = _POINTS + round(float(np.max(np.abs(gap))) / _STEP)
     shares = np.linspace(0.0, 1.0, points)
-    speed, ramp = _quickest(gimbal, here + shares[:, None] * (there - here), bounds)
-    seconds = max(1.0 / speed + ramp, least, 2.0 * period)
+    speed, force, jerk = _rates(gimbal, here + shares[:, None] * gap, bounds)
+    stretch = 1.0
     for _ in range(_ATTEMPTS):
-        count = math.ceil(seconds / period - 1e-9)
-        stretch = count * period / (1.0 / speed + ramp)
-        gone = _progress(count, period, speed / stretch, ramp * stretch)
-        joints: Floats = here + gone[:, None] * (there - here)
+        boxes = _double_s(speed / stretch, force / stretch**2, jerk / stretch**3, period)
+        count = math.ceil(max(float(boxes.sum()), least, 2.0 * period) / period - 1e-9)
+        elapsed = period * np.arange(count + 1, dtype=np.float64)
+        gone = _progress(elapsed, boxes * (elapsed[-1] / boxes.sum()))
+        joints: Floats = here + gone[:, None] * gap
         joints[0], joints[-1] = here, there
         more = _excess(gimbal, joints, bounds)
         if more <= 1.0:
             return joints
-        seconds = count * period * max(more, 1.01)
+        stretch *= max(more, _SLOWER)
     raise PlanError("no slew of the axes keeps the limits of the tool")
 
 
-def _quickest(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> tuple[float, float]:
-    """Return speed and ramp time for a distance of 1 that keep all limits, or nearly."""
+def _rates(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> tuple[float, float, float]:
+    """Return velocity, acceleration and jerk of a distance of 1 that keep all limits, or nearly."""
     axes, tool = bounds.axes, bounds.tool
     step = 1.0 / (len(joints) - 1)
     slope = np.max(np.abs(np.diff(joints, axis=0)), axis=0) / step
@@ -157,16 +162,37 @@ def _quickest(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> tuple[float, fl
     velocity = float(np.min([*(one.velocity for one in axes), tool.velocity] / slopes))
     force = float(np.min([*(one.acceleration for one in axes), tool.acceleration] / slopes))
     jerk = float(np.min([*(one.jerk for one in axes), tool.jerk] / slopes))
-    # Two ramps cover at most the whole distance: speed times duration is at most 1.
-    speed = min(velocity, math.sqrt(force / _FASTEST), math.cbrt(jerk / _HARDEST))
-    return speed, max(_FASTEST * speed / force, math.sqrt(_HARDEST * speed / jerk), 1e-9)
+    return velocity, force, jerk
 
 
-def _progress(count: int, period: float, speed: float, ramp: float) -> Floats:
-    """Return the covered share of the distance in every period, from 0 to 1."""
-    elapsed = period * np.arange(count + 1, dtype=np.float64)
-    gone: Floats = speed * ramp_times(np.minimum(elapsed, elapsed[-1] - elapsed), ramp)
-    return np.where(elapsed < elapsed[-1] / 2.0, gone, 1.0 - gone)
+def _double_s(speed: float, force: float, jerk: float, period: float) -> Floats:
+    """Return the widths of three boxes whose convolution covers a distance of 1 soonest, s.
+
+    That is the double S: velocity, acceleration and jerk are at most the inverses of the running
+    products of the widths.  The last box is at least some periods wide, and so continuous.
+    """
+    least = _LEAST_PERIODS * period
+    first, second, third = 1.0 / speed, speed / force, max(force / jerk, least)
+    if second > first:
+        # It never reaches its velocity.
+        first = second = 1.0 / math.sqrt(force)
+        third = max(1.0 / (jerk * first * second), least)
+    if third > second and third > least:
+        # It never reaches its acceleration.
+        second = third = math.sqrt(1.0 / (jerk * first))
+        if second > first:
+            first = second = third = 1.0 / math.cbrt(jerk)
+    return np.array([first, max(second, least), max(third, least)])
+
+
+def _progress(times: Floats, boxes: Floats) -> Floats:
+    """Return the integral of the convolution of three boxes of area 1 at *times*, from 0 to 1."""
+    total = np.zeros(len(times))
+    for chosen in product((0, 1), repeat=3):
+        begin = float(np.dot(chosen, boxes))
+        total += (-1) ** sum(chosen) * np.maximum(times - begin, 0.0) ** 3
+    gone: Floats = np.clip(total / (6.0 * np.prod(boxes)), 0.0, 1.0)
+    return gone
 
 
 def _excess(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> float:

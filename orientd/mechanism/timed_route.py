@@ -1,7 +1,7 @@
 """Axis angles of a gimbal for a path whose times are fixed: least time off it, told beforehand.
 
 The path does not wait for the axes.  Where they cannot follow, they leave it early, slew at full
-rate, and rejoin it (:mod:`orientd.mechanism.schedule`).  A slew that would enter a keep-out cone
+rate, and rejoin it (:mod:`orientd.mechanism.crossings`).  A slew that would enter a keep-out cone
 leads around it (:mod:`orientd.mechanism.keep_out_slews`).  Corners between lines and slews are
 rounded, so that acceleration is continuous.
 """
@@ -19,6 +19,7 @@ import numpy as np
 from orientd.driver import AxisLimits
 from orientd.errors import PlanError, StartError
 from orientd.mechanism.arrays import joints_at, orientations, wrapped
+from orientd.mechanism.crossings import Crossings
 from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.gimbal_route import error_along, manipulability, refuse_angle, row_of
@@ -31,8 +32,7 @@ from orientd.mechanism.joint_path import (
     refuse_rates,
 )
 from orientd.mechanism.keep_out_slews import Clearance, Obstacles, around, way_between
-from orientd.mechanism.lines import Bools, Sky, lines_of
-from orientd.mechanism.schedule import Crossing, Schedule, scheduled
+from orientd.mechanism.router import Bools, Chain, Crossing, Sky, lines_of
 from orientd.mechanism.timing import rounded, width
 from orientd.rotation import Floats
 
@@ -50,7 +50,7 @@ _SAME_LINE = 1e-6
 _FEWEST = 5
 _ROUNDING = 1e-9
 _ATTEMPTS = 6
-_SLOWER = 0.9
+_SLOWER = 0.98
 _RESERVES = tuple(np.radians([0.2, 0.8, 2.0, 4.0]).tolist())
 """Clearances of slews around a cone that are tried in turn, rad: fast axes cut corners more."""
 _OUTSIDE = np.radians(0.1)
@@ -229,20 +229,19 @@ def _attempt(
         raise StartError(
             "the path does not begin at the axis angles the gimbal is commanded to be at"
         )
+    search = Crossings(sky, period, axes, gimbal.on_target, path.counts)
     while np.any(np.isfinite(entry)):
-        plan = scheduled(sky, period, axes, gimbal.on_target, counts=path.counts, entry=entry)
         laid = partial(_laid, gimbal, sky, period=period, axes=axes)
-        if plan is not None and obstacles is not None:
-            plan = around(
-                gimbal, sky, plan, obstacles, laid,
-                period=period, axes=axes, counts=path.counts, entry=entry,
-            )  # fmt: skip
+        if obstacles is None:
+            plan = search.best(entry)
+        else:
+            plan = around(gimbal, sky, obstacles, laid, search, entry, period=period, axes=axes)
         if plan is None:
             return None
         joints = laid(plan)
         before = joints[:0]
         if path.has_lead_in:
-            way = partial(_lead_around, gimbal, obstacles, period, axes)
+            way = partial(_lead_around, gimbal, obstacles, axes)
             found = _lead_in(joints, joints[0] if start is None else start, period, axes, way)
             if found is None:
                 # Another line may be reached.
@@ -267,9 +266,9 @@ def _entry(sky: Sky, path: TimedPath, axes: Sequence[AxisLimits]) -> Floats:
 
 
 def _laid(
-    gimbal: Gimbal, sky: Sky, plan: Schedule, *, period: float, axes: Sequence[AxisLimits]
+    gimbal: Gimbal, sky: Sky, plan: Chain, *, period: float, axes: Sequence[AxisLimits]
 ) -> Floats:
-    """Return the axis angles of a schedule, with corners."""
+    """Return the axis angles of a chain, with corners."""
     joints = sky.lines[plan.line].joints.copy()
     for crossing in plan.crossings:
         first, last = crossing.first, crossing.last
@@ -350,7 +349,6 @@ def _lead_in(
 def _lead_around(
     gimbal: Gimbal,
     obstacles: Obstacles | None,
-    period: float,
     axes: Sequence[AxisLimits],
     start: Floats,
     goal: Floats,
@@ -358,4 +356,4 @@ def _lead_around(
     """Return the corners of the slew before a path."""
     if obstacles is None:
         return np.empty((0, len(axes)))
-    return way_between(gimbal, start, goal, obstacles, period=period, axes=axes)
+    return way_between(gimbal, start, goal, obstacles, axes=axes, times=np.zeros(2))

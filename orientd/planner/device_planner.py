@@ -301,12 +301,15 @@ def _fitted(fitting: Fitting, request: MotionRequest) -> Motion:
     try:
         return fitting.plan(request)
     except LimitError as error:
-        if error.kind is not LimitKind.RANGE:
-            raise
-        other = _with_roll_of_axes(request, fitting)
-        if other is not None:
-            return fitting.plan(other)
-        advice = _turned_back(request, fitting)
+        advice = ""
+        if error.kind is LimitKind.RANGE:
+            other = _with_roll_of_axes(request, fitting)
+            if other is not None:
+                return fitting.plan(other)
+            advice = _turned_back(request, fitting)
+        if not advice and _are_reached_alone(request, fitting):
+            _, _, advice = str(error).partition("; ")
+            advice = f"{advice}; the axes reach each keyframe in a motion of its own"
         if not advice:
             raise
         raise LimitError(
@@ -344,6 +347,26 @@ def _turned_back(request: MotionRequest, fitting: Fitting) -> str:
                 f"before it, with {mechanism.axes[place].name} at {middle:.1f} deg"
             )
     return ""
+
+
+def _are_reached_alone(request: MotionRequest, fitting: Fitting) -> bool:
+    """Return whether a gimbal turns to each of several keyframes if it is sent alone."""
+    mechanism = fitting.gimbal
+    if request.is_single or request.has_times or request.omega_end is not None:
+        return False
+    joints = fitting.joints or mechanism.home()
+    for keyframe in request.keyframes:
+        if keyframe.turns or (keyframe.free_roll and not mechanism.is_pointing):
+            return False
+        if mechanism.solve(keyframe.q, joints)[1] > mechanism.roll_tolerance:
+            return False
+        try:
+            found = windings(mechanism, keyframe.q, joints)
+        except LimitError:
+            return False
+        last = joints
+        joints = min(found, key=lambda one: math.dist(one, last))
+    return True
 
 
 def _with_roll_of_axes(request: MotionRequest, fitting: Fitting) -> MotionRequest | None:

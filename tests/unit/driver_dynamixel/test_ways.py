@@ -10,7 +10,7 @@ from emulated_dynamixel import ManualClock
 from orientd.errors import LimitError, StartError
 from orientd.mechanism.turning import windings
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
-from orientd.rotation import exp
+from orientd.rotation import exp, from_euler
 from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.options import parse
 
@@ -22,10 +22,12 @@ AXES = [
 ]
 
 
-def plan(begin_deg, *keyframes, axes=AXES, **fields):
+def plan(begin_deg, *keyframes, axes=AXES, options=(), **fields):
     """Return the axis angles of the motion to *keyframes*, deg."""
     driver = DynamixelDriver(
-        {"port": "virtual", "axes": axes}, period_ns=10_000_000, clock=ManualClock(1)
+        {"port": "virtual", "axes": axes, **dict(options)},
+        period_ns=10_000_000,
+        clock=ManualClock(1),
     )
     joints = tuple(np.deg2rad(begin_deg))
     motion = DevicePlanner(driver, limits=LIMITS, period=0.01).plan(
@@ -86,6 +88,21 @@ def test_a_refusal_names_the_keyframe_that_lets_the_axes_turn_the_longer_way(sec
     assert re.search(advice, str(caught.value))
     angles = plan([0, 0, 0], *keyframes(0, 120, 0, -120), axes=axes, approach=True)
     assert angles[-1] == pytest.approx([-120, 0, 0], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"max_deviation_deg": 3.0}, {"allow_slews": True}], ids=str
+)
+def test_a_curve_that_the_axes_cannot_follow_is_refused_with_a_remedy_that_works(options):
+    """The curve over the pole and back down on the other side bends beyond the range of pitch."""
+    angles = [(0, -60, 0), (0, -80, 0), (0, -89.9, 0), (180, -80, 0), (180, -60, 0)]
+    keyframes = [Keyframe(tuple(from_euler("ZYX", np.radians(a)).tolist())) for a in angles]
+    with pytest.raises(LimitError, match=r"reach each keyframe in a motion of its own$"):
+        plan([0, -60, 0], *keyframes, options=options)
+    here = [0.0, -60.0, 0.0]
+    for keyframe in keyframes[1:]:
+        here = plan(here, keyframe, options=options)[-1].tolist()
+    assert here == pytest.approx([180.0, -60.0, 0.0], abs=0.2)
 
 
 def test_endless_axes_have_one_winding_for_each_branch():
