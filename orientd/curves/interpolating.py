@@ -14,13 +14,13 @@ from orientd.curves.contract import Ends, WithEndStates, prescribed
 from orientd.curves.keyframes import (
     ParameterError,
     check_integer,
+    check_turns,
     increments,
     with_turns,
 )
 from orientd.curves.products import Parts, Product, product_trajectory, squared_acceleration
-from orientd.curves.trajectory import Trajectory
 from orientd.errors import PlanError
-from orientd.rotation import Floats
+from orientd.rotation import Floats, align, exp, multiply
 
 _NO_STEPS: Floats = np.empty((0, 3))
 _FREE = np.zeros(3)
@@ -63,7 +63,8 @@ def interpolate(
         times: increasing, s, shape ``(n,)``.
         order: 3 to 6.
         ends: conditions at the first keyframe and at the last.
-        turns: whole turns to add between each keyframe and the next.
+        turns: whole turns to add between each keyframe and the next.  With two or more the spline
+            also passes an orientation after each part of the turn, where it has a knot.
         near: increments near the intended solution.
 
     Raises:
@@ -71,6 +72,7 @@ def interpolate(
     """
     steps = _NO_STEPS
     if turns is not None:
+        keys, times, turns = _divided(keys, times, turns)
         turned, keys = with_turns(increments(keys), keys, turns)
         steps = turned if np.any(turns) else _NO_STEPS
     known = [(omega is not None) + (alpha is not None) for omega, alpha in ends]
@@ -93,6 +95,31 @@ def interpolate(
     return breaks, (base, np.arange(spans), vectors, values)
 
 
+def _divided(keys: Floats, times: Floats, turns: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return keyframes with at most one whole turn from each to the next.
+
+    Two whole turns can shrink to none without a break, and the search for large steps then finds a
+    spline that makes fewer.
+    """
+    counts = check_turns(turns, len(keys) - 1)
+    if not np.any(np.abs(counts) > 1):
+        return keys, times, counts
+    steps, _ = with_turns(increments(keys), keys, counts)
+    parts = np.maximum(np.abs(counts), 1).astype(int)
+    places = [np.arange(part) / part for part in parts]
+    inner = [
+        multiply(key, exp(2.0 * place[:, None] * step))
+        for key, step, place in zip(keys, steps, places, strict=False)
+    ]
+    instants = [
+        begin + place * (end - begin)
+        for begin, end, place in zip(times, times[1:], places, strict=False)
+    ]
+    key_times = np.append(np.concatenate(instants), times[-1])
+    through = align(np.concatenate([*inner, keys[-1:]]))
+    return through, key_times, np.repeat(np.sign(counts), parts)
+
+
 def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> list[Spline]:
     """Return other solutions, in which one long inner increment has fewer whole turns.
 
@@ -110,23 +137,6 @@ def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> l
                 if turns > 0:
                     found.append(interpolate(keys, times, order, ends, near=near))
     return found
-
-
-def _check_turns(trajectory: Trajectory, times: Floats, turns: ArrayLike | None) -> None:
-    """Raise :class:`.PlanError` if a curve makes fewer whole turns than it was asked for.
-
-    The search for large steps may arrive at a solution with fewer.
-    """
-    if turns is None or not np.any(turns):
-        return
-    asked = np.abs(np.asarray(turns))
-    found = np.diff(trajectory.turned(times))
-    worst = int(np.argmin(found - 2.0 * np.pi * asked))
-    if found[worst] < np.pi * (2.0 * asked[worst] - 1.0):
-        raise PlanError(
-            f"no spline with {asked[worst]:g} whole turns from keyframe {worst} to the next was "
-            f"found, only one that turns {found[worst]:.3g} rad there: add a keyframe for each turn"
-        )
 
 
 class C2Cumulative(Product, WithEndStates):
@@ -168,7 +178,6 @@ class C2Cumulative(Product, WithEndStates):
 
     def _solve(self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None) -> None:
         self._set_parts(*interpolate(q, instants, 4, ends, turns=turns), 2)
-        _check_turns(self.trajectory, instants, turns)
 
 
 class KksInterpolating(Product, WithEndStates):
@@ -239,7 +248,6 @@ class KksInterpolating(Product, WithEndStates):
             spline = min([spline, *others], key=_effort) if others else spline
         self._set_parts(*spline, k - 2)
         self._key_times = instants
-        _check_turns(self.trajectory, instants, turns)
 
     @property
     def key_times(self) -> Floats:

@@ -122,7 +122,7 @@ def blend(
 
 
 def _axes(first: RecordedMotion, record: int, mechanism: Mechanism | None) -> Axes | None:
-    """Return the axes of a device at a record, for the timing of what follows."""
+    """Return the axes of a device at a record, for the timing of the next motion."""
     if mechanism is None:
         return None
     return Axes(mechanism, first.joints_at(record), is_recorded=False)

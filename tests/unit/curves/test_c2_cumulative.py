@@ -113,3 +113,15 @@ def test_a_search_that_does_not_arrive_says_so():
     # A tenth of a millisecond for two radians asks for thousands of turns in its neighbours.
     with pytest.raises(PlanError, match="no spline of order 4 was found"):
         C2(keys=walk(5, 2.0, seed=1), times=np.cumsum([0.0, 1.0, 1e-4, 1.0, 1.0]))
+
+
+def test_every_whole_turn_is_made_however_many_there_are():
+    random = np.random.default_rng(3)
+    for seed in range(40):
+        count = int(random.integers(2, 6))
+        keys = walk(count, random.uniform(0.1, 2.0), seed)
+        turns = random.integers(-4, 5, count - 1)
+        times = np.concatenate([[0.0], np.cumsum(random.uniform(0.5, 3.0, count - 1))])
+        curve = C2(keys=keys, times=times, turns=turns.tolist())
+        turned = np.diff(curve.trajectory.turned(times))
+        assert np.all(turned > np.pi * (2 * np.abs(turns) - 1))
