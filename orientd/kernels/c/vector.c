@@ -53,6 +53,12 @@ void halt_vector(row_t limits, double period, row_t state, row_t aside, row_t ac
     halt(&g, state.v + SPEED, state.v + CHANGE, aside.v, acceleration.v);
 }
 
+/* The angle from a cone's direction to the tool's axis. */
+static double angle_to(const double *cone, quat_t q) {
+    vec_t axis = turned(q, vec_at(cone)), direction = vec_at(cone + 3);
+    return atan2(norm(cross(axis, direction)), dot(axis, direction));
+}
+
 double stop_clearance(row_t limits, double period, row_t state, matrix_t cones) {
     gauges_t g = gauges_of(limits, period);
     double v[MOST_COORDINATES] = {0}, a[MOST_COORDINATES] = {0}, next[MOST_COORDINATES] = {0};
@@ -60,12 +66,14 @@ double stop_clearance(row_t limits, double period, row_t state, matrix_t cones) 
     memcpy(v, state.v + SPEED, 3 * sizeof(double)), memcpy(a, state.v + CHANGE, 3 * sizeof(double));
     quat_t q = quat(1.0, 0.0, 0.0, 0.0);
     for (int k = 0; k < LONGEST_STOP; k++) {
+        quat_t before = q;
         q = multiplied(q, exponential(times(0.5 * period, vec_at(v))));
         for (index_t i = 0; i < cones.n; i++) {
             const double *cone = row_of(cones, i);
-            vec_t axis = turned(q, vec_at(cone)), direction = vec_at(cone + 3);
-            double angle = atan2(norm(cross(axis, direction)), dot(axis, direction));
-            least = smaller(least, angle - cone[6]);
+            double angle = angle_to(cone, q), bound = cone[6];
+            if (angle < bound)
+                bound = smaller(bound, angle_to(cone, before));
+            least = smaller(least, angle - bound);
         }
         if (norm(vec_at(v)) * period < STILL && norm(vec_at(a)) * period * period < STILL)
             break;

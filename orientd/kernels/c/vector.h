@@ -27,6 +27,8 @@ void halt_vector(row_t limits, double period, row_t state, row_t aside, row_t ac
 
 /* The least angle between cones and the edge of a tool's way while it stops, rad.
  *
+ * Inside of a cone it is the turn outwards of each step, which must not be negative.
+ *
  * state: velocity and acceleration of the step that the stop begins with.
  * cones: axis and direction, both in the tool's frame before that step, and least angle. */
 double stop_clearance(row_t limits, double period, row_t state, matrix_t cones);

@@ -13,7 +13,7 @@ from math import acos
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, cross, dot, norm, plus, rotate_back
 from orientd.mechanism.mechanism import Rows
-from orientd.servo.keep_out_cones import KeepOutCones, Room
+from orientd.servo.keep_out_cones import SLACK, KeepOutCones, Room
 from orientd.servo.tracking.law import Law
 
 RESERVE = 9e-4
@@ -97,8 +97,7 @@ class StopFilter:
         found = cones.clearances(q)
         for one, direction, clearance in zip(cones.cones, cones.directions, found, strict=True):
             if clearance <= reach:
-                # From inside, the tool must not come any nearer.
-                angle = one.half_angle + min(RESERVE, clearance)
+                angle = one.half_angle + min(RESERVE, max(clearance, -SLACK))
                 near += (*one.axis, *rotate_back(q, direction), angle)
         return Rows(len(near) // 7, 7, near) if near else None
 

@@ -1,7 +1,8 @@
 """Tracked targets and chunks never lead into a keep-out cone; the guard checks every setpoint."""
 
 import random
-from math import cos, degrees, pi, radians, sin
+from dataclasses import replace
+from math import cos, degrees, inf, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -212,6 +213,24 @@ def test_a_tool_inside_only_moves_outwards():
     found = np.array([laser.clearance(one, 0) for one in q])
     inside = found[: int(np.argmax(found > 0.0)) + 1]
     assert np.diff(inside).min() > -1e-9
+
+
+@pytest.mark.parametrize("seed", [28, 33, 36, 37, 56])
+def test_a_tool_inside_never_comes_nearer_whatever_its_targets(seed):
+    """With limits of components a stop is not straight; the guard refuses a step inwards."""
+    rng = random.Random(seed)
+    laser = KeepOut("laser", X, radians(60.0))
+    limits = replace(
+        servo_limits(10.0 ** rng.uniform(-0.5, 0.5), 24.0, 300.0),
+        axis_velocity=(inf, 10.0 ** rng.uniform(-1.5, 0.0), 10.0 ** rng.uniform(-1.5, 0.0)),
+        axis_acceleration=(inf, 30.0, 10.0 ** rng.uniform(0.3, 1.5)),
+    )
+    world = world_with(laser, limits=limits, q=pointing_at(20.0, 3.0))
+    for _ in range(60):
+        turn = tuple(rng.gauss(0.0, 10.0 ** rng.uniform(-3.0, 0.4)) for _ in range(3))
+        rate = tuple(rng.gauss(0.0, 1.0) for _ in range(3)) if rng.random() < 0.5 else None
+        world.take(multiply(world.guard.q, exp(turn)), rate)
+        world.run(rng.choice([0.006, 0.02, 0.06]))
 
 
 def test_a_cone_of_another_axis_of_the_tool_counts_too():
