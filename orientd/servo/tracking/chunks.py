@@ -8,15 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from math import isfinite
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, cross, difference, normalize, plus
-from orientd.servo.tracking.preview import Preview
 from orientd.servo.tracking.quintic import Knot
 from orientd.stream.records import CHUNK_POSES, KNOT_FLOATS, Sample
 from orientd.stream.ring import RecordRing
 from orientd.tolerances import NORM_TOLERANCE
+
+if TYPE_CHECKING:
+    from orientd.servo.tracking.preview import Preview
 
 LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD = range(1, 7)
 LEFT_WORD, LAG_WORD = 7, 8
