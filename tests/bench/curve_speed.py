@@ -1,4 +1,4 @@
-"""Speed of the default curve, sampled and built, against SciPy's RotationSpline.
+"""Speed of the default curve, sampled, against SciPy's RotationSpline.
 
 Times are thread CPU times.  Both take turns in the same run, under the same conditions, and each
 result is a median.  Only the ratios carry over to another machine.
@@ -12,17 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import RotationSpline
 
 from orientd.curves import C2Cumulative
-from orientd.errors import OrientdError
 from orientd.rotation import Floats, exp, multiply, normalize, to_scipy
 
 KEYFRAMES = 100
 STEP = 0.6
 """Turn from each keyframe to the next, in rad."""
-
-FEW = 1000
-"""Keyframes of the smaller build; the larger one has a hundred times as many."""
 
 _ROUNDS = 11
 _SLICE = 0.02
@@ -51,67 +48,6 @@ class Sampling:
         return self.scipy_ns / self.sorted_ns
 
 
-@dataclass(frozen=True, slots=True)
-class Building:
-    """Interpolation of many keyframes, and of a hundred times as many.
-
-    Attributes:
-        step: turn from each keyframe to the next, in rad.
-        few: the smaller number of keyframes.
-        few_s: duration for these, in seconds.
-        many_s: duration for a hundred times as many, in seconds.
-    """
-
-    step: float
-    few: int
-    few_s: float
-    many_s: float
-
-    @property
-    def growth(self) -> float:
-        """Ratio of the durations for a hundred times as many keyframes."""
-        return self.many_s / self.few_s
-
-
-@dataclass(frozen=True, slots=True)
-class CurveSpeed:
-    """Results of :func:`measure_curves`.
-
-    Attributes:
-        keyframes: number of keyframes of the sampled curve.
-        samplings: for different numbers of times in a call.
-        buildings: for different steps between keyframes.
-    """
-
-    keyframes: int
-    samplings: tuple[Sampling, ...]
-    buildings: tuple[Building, ...]
-
-
-def measure_curves(
-    *,
-    instants: tuple[int, ...] = (1, 500, 100_000),
-    steps: tuple[float, ...],
-) -> CurveSpeed:
-    """Measure the default curve: sampling for each number of times, building for each step.
-
-    Args:
-        instants: numbers of times to sample in a call.
-        steps: turns between keyframes for the builds, in rad; empty to build nothing.
-
-    Returns:
-        The medians.
-
-    Raises:
-        OrientdError: SciPy is not installed.
-    """
-    return CurveSpeed(
-        keyframes=KEYFRAMES,
-        samplings=tuple(_sampling(count) for count in instants),
-        buildings=tuple(_building(step) for step in steps),
-    )
-
-
 def random_walk(count: int, step: float) -> Floats:
     """Return keyframes a turn of *step* rad apart, about random axes, shape ``(count, 4)``."""
     rng = np.random.default_rng(0)
@@ -128,15 +64,8 @@ def random_walk(count: int, step: float) -> Floats:
     return keys
 
 
-def _sampling(count: int) -> Sampling:
-    try:
-        from scipy.spatial.transform import RotationSpline
-    except ImportError as error:
-        raise OrientdError(
-            "the curves are measured against SciPy, which is not installed: "
-            "pip install 'orientd-motion[scipy]', or give --no-curves"
-        ) from error
-
+def measure_sampling(count: int) -> Sampling:
+    """Measure the sampling of the default curve at *count* times in a call; return the medians."""
     keys = random_walk(KEYFRAMES, STEP)
     times = np.cumsum(np.random.default_rng(1).uniform(0.7, 1.3, KEYFRAMES))
     at = np.linspace(times[0], times[-1], count + 2)[1:-1]
@@ -172,16 +101,3 @@ def _cpu_time(call: Callable[[], object], repeats: int) -> float:
     for _ in range(repeats):
         call()
     return (time.thread_time_ns() - began) / repeats
-
-
-def _building(step: float) -> Building:
-    small, large = random_walk(FEW, step), random_walk(100 * FEW, step)
-    C2Cumulative(keys=small)
-    short: list[float] = []
-    long: list[float] = []
-    for _ in range(3):
-        short += [_cpu_time(lambda: C2Cumulative(keys=small), 1) * 1e-9 for _ in range(3)]
-        long.append(_cpu_time(lambda: C2Cumulative(keys=large), 1) * 1e-9)
-        if sum(long) > 20.0:
-            break
-    return Building(step, FEW, statistics.median(short), statistics.median(long))

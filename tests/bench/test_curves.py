@@ -11,11 +11,11 @@ from pathlib import Path
 import curve_speed
 import numpy as np
 import pytest
-from curve_speed import Sampling, measure_curves, random_walk
+from curve_speed import Sampling, random_walk
 from scipy.spatial.transform import RotationSpline
 
 from orientd import processor
-from orientd.curves import METHODS
+from orientd.curves import METHODS, C2Cumulative
 from orientd.rotation import to_scipy
 
 pytestmark = pytest.mark.bench
@@ -56,8 +56,8 @@ def samplings(level, *instants):
 import json, sys
 from dataclasses import asdict
 sys.path.insert(0, {str(Path(curve_speed.__file__).parent)!r})
-from curve_speed import measure_curves
-print(json.dumps([asdict(one) for one in measure_curves(instants={instants}, steps=()).samplings]))
+from curve_speed import measure_sampling
+print(json.dumps([asdict(measure_sampling(count)) for count in {instants}]))
 """
     found = [Sampling(**one) for one in in_new_process("-c", code, level=level)]
     for one in found:
@@ -89,19 +89,6 @@ def test_the_first_samples_are_there_soon_and_take_little_memory():
     show("import and first samples", cpu_ms=cpu_ms, mib=mib)
     assert cpu_ms <= 60
     assert mib <= 8
-
-
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize("step", [0.3, 1.0, 2.0, 3.0])
-def test_building_grows_linearly(step):
-    (found,) = measure_curves(instants=(), steps=(step,)).buildings
-    show(
-        f"1,000 and 100,000 keyframes, {step:g} rad apart",
-        few_s=found.few_s,
-        many_s=found.many_s,
-        growth=found.growth,
-    )
-    assert found.growth <= 120
 
 
 def shortest(run, rounds=15):
@@ -158,6 +145,15 @@ def test_the_least_effort_takes_a_few_times_as_long_as_a_spline_without_it(step_
         scipy_ratio=least / peer,
     )
     assert least <= 10.0 * peer
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("step", [0.3, 1.0, 2.0, 3.0])
+def test_building_grows_linearly(step):
+    few, many = (random_walk(count, step) for count in (1000, 100_000))
+    few_s, many_s = (shortest(lambda keys=keys: C2Cumulative(keys=keys), 3) for keys in (few, many))
+    show(f"1,000 and 100,000 keyframes, {step:g} rad apart", few_s=few_s, many_s=many_s)
+    assert many_s <= 120.0 * few_s
 
 
 @pytest.mark.timeout(900)

@@ -14,7 +14,6 @@ import tty
 from dataclasses import dataclass
 
 HEADER = b"\xff\xff\xfd\x00"
-TURN = 4096
 TORQUE, GOAL = 64, 116
 WRITE, SYNC_WRITE, BULK_WRITE = 0x03, 0x83, 0x93
 

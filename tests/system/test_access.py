@@ -193,20 +193,6 @@ def test_silent_handshakes_keep_nobody_out_and_take_no_memory(cell):
             one.close()
 
 
-def test_silent_connections_of_the_same_user_give_way(cell):
-    silent = [socket.socket(socket.AF_UNIX) for _ in range(200)]
-    try:
-        for one in silent:
-            one.connect(str(cell.daemon.socket))
-        with orientd.connect(cell.daemon.socket) as robot:
-            assert robot.state().daemon.pid == cell.daemon.process.pid
-        log = cell.daemon.folder / "log"
-        until(lambda: "gave way to a later one" in log.read_text(), "the log")
-    finally:
-        for one in silent:
-            one.close()
-
-
 def test_a_name_that_there_is_not_and_no_daemon_are_told_apart(cell):
     with pytest.raises(DaemonError, match=r"no daemon listens at 127\.1:.*lookup failed"):
         orientd.connect(address=f"127.1:{cell.port}", **cell.files("pendant"))
@@ -245,11 +231,6 @@ def test_a_user_who_is_not_admitted_is_told_so(cell):
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert f"user {STRANGER} is not admitted" in done.stderr.splitlines()[-1]
-
-
-def test_a_missing_certificate_is_said_before_connecting(cell):
-    with pytest.raises(DaemonError, match="--cert, --key and --ca"):
-        orientd.connect(address=cell.address)
 
 
 @pytest.fixture

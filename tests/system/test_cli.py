@@ -288,12 +288,6 @@ def test_a_wrong_line_is_named_with_value_expectation_and_the_next_step(daemon):
     ]
 
 
-def test_nothing_but_bad_lines_is_a_failure(daemon):
-    done = follow(daemon, "null")
-    assert (done.returncode, json.loads(done.stdout)["refused"]) == (1, 1)
-    assert done.stderr.startswith("orientd: line 1: expected a JSON object")
-
-
 def test_a_free_lease_is_taken_where_there_is_nothing_to_command_beside(daemon):
     beside = ("--lease", "--socket", daemon.socket)
     assert told(inside("speed", "0.5", *beside, "--json"))["speed"] == 0.5
@@ -341,18 +335,6 @@ def test_a_speed_that_was_left_is_told_wherever_a_motion_starts_and_is_reported(
     finally:
         inside("speed", "1", *at)
     assert "speed" not in inside("move", path, *at).stdout
-
-
-def test_a_move_that_was_killed_does_not_keep_others_from_commanding(daemon, slow):
-    process = begin("move", slow, "--socket", daemon.socket)
-    until(lambda: is_moving(daemon.device()), "motion")
-    process.kill()
-    process.communicate()
-    until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
-    state = pb.GetStateRequest()
-    until(lambda: not daemon.stub.GetState(state).daemon.leases, "the lease's end")
-    done = inside("enable", "--socket", daemon.socket)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "arm: holding\n", "")
 
 
 def test_a_device_is_disabled_and_enabled(daemon):

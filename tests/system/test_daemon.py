@@ -215,22 +215,6 @@ def test_it_ends_with_its_input_where_it_is_told_to(tmp_path):
     assert process.returncode == 0
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "complaint"),
-    [
-        ('driver = "loopback"', 'driver = "lopback"', "unknown driver 'lopback', installed are"),
-        ("record =", "recrd =", "unknown option 'recrd'"),
-        ("rate_hz = 500.0", "rate_hz = 0", "devices.arm.rate_hz: expected greater than"),
-        ("[daemon]", "[deamon]", "deamon: unknown key"),
-    ],
-)
-def test_a_configuration_that_cannot_be_is_refused_in_one_line(tmp_path, old, new, complaint):
-    daemon = DaemonProcess(tmp_path / "daemon")
-    daemon.config.write_text(daemon.config.read_text().replace(old, new))
-    assert_refused(orientd("run", "--config", daemon.config), complaint)
-    assert not daemon.socket.exists()
-
-
 def test_a_device_that_cannot_be_opened_is_told_and_the_daemon_serves(tmp_path):
     daemon = DaemonProcess(tmp_path / "daemon")
     text = daemon.config.read_text().replace(str(daemon.recording), str(tmp_path / "no" / "where"))

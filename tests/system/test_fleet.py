@@ -322,14 +322,6 @@ def test_what_moves_goes_on_when_the_router_dies(cell, fleet):
         assert again.daemons == cell.names
 
 
-def test_a_daemon_that_was_killed_is_gone_at_once_and_comes_back(cell, fleet):
-    cell.end("arm-2", signal.SIGKILL)
-    until(lambda: fleet.daemons == ["arm-1"], "arm-2 is gone")
-    cell.start("arm-2")
-    cell.await_ready("arm-2")
-    until(lambda: fleet.daemons == cell.names, "arm-2 is back")
-
-
 def test_a_renewed_certificate_is_taken_up_by_a_reload(cell, fleet):
     cell.authority.revoke("arm-2")
     cell.authority.issue("arm-2", hosts="IP:127.0.0.1", use="member")

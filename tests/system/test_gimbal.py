@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 from command_line import assert_refused, orientd
-from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon, await_hold
+from gimbal_bench import ROOT, GimbalDaemon, await_hold
 from harness import until
 
 from orientd import connect
@@ -149,27 +149,6 @@ def test_a_disabled_gimbal_goes_on_holding_without_its_servo_process(bus, daemon
         os.kill(robot.state().devices["gimbal"].servo_pid, signal.SIGKILL)
         time.sleep(3.0)  # longer than any watchdog that these daemons set
         assert [bus.state(servo) for servo in (1, 2, 3)] == before
-
-
-def findings(daemon):
-    done = orientd("doctor", "--json", "--config", daemon.config)
-    found = json.loads(done.stdout)
-    is_problem = found["counts"]["problem"] > 0
-    assert (done.returncode, done.stderr) == (int(is_problem), ""), done
-    return {
-        one["name"].removeprefix("gimbal: "): one
-        for one in found["findings"]
-        if one["name"].startswith("gimbal: ")
-    }
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.real
-def test_emulated_bus_ends_cleanly(tmp_path, number):
-    bus = EmulatedGimbal(tmp_path / "bus")
-    assert bus.link.is_symlink()
-    assert bus.end(number) == 0
-    assert not bus.link.is_symlink()
 
 
 @pytest.mark.real

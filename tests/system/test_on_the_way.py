@@ -15,7 +15,7 @@ from harness import (
 
 import orientd
 from orientd import rotation
-from orientd.errors import LeaseError, LimitError, RequestError, StateError
+from orientd.errors import LimitError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.world
@@ -226,12 +226,6 @@ def test_a_halt_is_quicker_than_a_stop_and_keeps_the_limits(daemon, robot):
     assert "stopped by" in summary.text
     assert turn(robot, 0.1).wait(10.0).outcome == pb.OUTCOME_DONE
     daemon.assert_limits_kept()
-
-
-def test_without_the_lease_nothing_is_followed(daemon, robot):
-    robot.acquire_lease()
-    with orientd.connect(daemon.socket) as other, pytest.raises(LeaseError):
-        other.track()
 
 
 def test_a_device_that_never_is_on_target_is_said_not_to_be(tmp_path):

@@ -42,15 +42,6 @@ def angle_of(report):
     return 2.0 * math.atan2(report.q.z, report.q.w)
 
 
-def test_a_chunk_is_played_to_its_last_pose(daemon, robot, before):
-    with robot.play() as play:
-        play.chunk(about_z(0.01 * np.arange(30)), rate=RATE)
-    assert angle_of(play.report) == pytest.approx(0.29, abs=1e-5)
-    timing = play.timing()
-    assert (timing.chunks, timing.live, timing.stale, timing.starved) == (1, 30, 0, 0)
-    daemon.assert_limits_kept(before)
-
-
 @pytest.mark.real
 def test_chunks_of_a_policy_make_one_motion(daemon, robot, before):
     begin = time.monotonic()

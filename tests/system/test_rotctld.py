@@ -161,22 +161,6 @@ def test_hundred_commands_of_the_real_client(client, daemon):
     assert ahead(daemon.device().cycle.q) == pytest.approx(asked(last), abs=1e-4)
 
 
-@needs_hamlib
-def test_the_real_client_reads_the_ranges_when_it_connects(daemon):
-    with rotctld(daemon, "--azimuth", "-10:450", "--elevation", "0:180") as client:
-        done = subprocess.run(
-            ["rotctl", "-m", "2", "-r", f"127.0.0.1:{client.port}", "P", "451", "10"],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-        assert "Invalid parameter" in done.stdout + done.stderr
-        first, *settings, end = client.ask("\\dump_state", 9)
-    assert (first, end) == ("1", "done")
-    assert {"min_az=-10.000000", "max_az=450.000000", "max_el=180.000000"} < set(settings)
-
-
 def test_malformed_lines_change_nothing_and_are_answered(client, daemon):
     """10,000 lines that are no command: each is answered with a code below zero."""
     client.ask("S")
@@ -209,12 +193,6 @@ def test_malformed_lines_change_nothing_and_are_answered(client, daemon):
     assert after.motion_number == before.motion_number
     assert after.cycle.q == before.cycle.q
     assert client.ask("S") == ["RPRT 0"]
-
-
-def test_a_line_without_end_is_hung_up_on(client):
-    client.socket.sendall(b"S" * 2000)
-    assert client.lines.readline() == "RPRT -1\n"
-    assert client.lines.readline() == ""
 
 
 def is_served(port):

@@ -117,8 +117,3 @@ def test_a_turn_goes_on_until_an_axis_is_near_the_end_of_its_range():
     assert turn.wait(20.0) == "came to rest"
     assert 13.0 < robot.now < 14.0 + 0.2
     assert "angle of yaw reaches 5" in turn.problem
-
-
-def test_a_turn_without_room_is_refused():
-    with pytest.raises(LimitError, match="angle of yaw"):
-        endless_turn.EndlessTurn(Room(0.4), [0.0, 0.0, RATE])

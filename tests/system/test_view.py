@@ -54,11 +54,6 @@ def test_a_page_is_served_until_it_is_told_to_end(daemon):
     assert (view.returncode, rest, errors) == (0, "", "")
 
 
-def test_a_daemon_that_is_not_there_is_one_clear_line(tmp_path):
-    done = orientd("view", "--no-open", "--socket", tmp_path / "none.sock")
-    assert_refused(done, "no daemon answers", "none.sock")
-
-
 def test_a_port_in_use_is_one_clear_line(daemon):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -74,12 +74,8 @@ def test_what_is_given_is_kept(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", "devices: expected at least one table [devices.NAME], got {}; add one"),
         ("[devices]", "devices: expected at least one table [devices.NAME], got {}"),
-        ("[devices.arm]", "devices.arm.driver: missing"),
-        ("[devices.arm]\ndriver = 5", "devices.arm.driver: expected a text, got 5"),
         ("devices = 3", "devices: expected a table, got 3"),
-        ("[devices]\narm = 3", "devices.arm: expected a table, got 3"),
         (
             "[devices.arm]\ndriver = 'x'\nrate_hz = -5",
             "devices.arm.rate_hz: expected greater than or equal to 1, got -5",
@@ -109,7 +105,6 @@ def test_what_is_given_is_kept(tmp_path):
             "[devices.arm]\ndriver = 'x'\nname = 'y'",
             "devices.arm.name: the table's own name is the device's name",
         ),
-        ("[devices.'a b']\ndriver = 'x'", "devices.a b.name: expected a letter, then at most"),
         ("[daemon]\nsocket = 3\n[devices.arm]\ndriver = 'x'", "daemon.socket: expected a path"),
         (
             "[daemons]\n[devices.arm]\ndriver = 'x'",
@@ -256,7 +251,6 @@ def test_a_preset_is_overridden_by_what_is_given_beside_it(tmp_path):
         ("jerk = [1, 0, 1]", "limits.jerk: expected three finite numbers greater than 0"),
         ("jerk = [1, 'a', 1]", "limits.jerk: expected three finite numbers greater than 0"),
         ("acceleration = 'a'", "limits.acceleration: expected a number, got the text 'a'"),
-        ("velocity = -1", "limits.velocity: expected a number greater than 0, got -1"),
         ("linear_velocity = [1, 1, 1]", "limits.linear_velocity: expected a number, got [1, 1, 1]"),
     ],
 )

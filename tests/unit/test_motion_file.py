@@ -121,10 +121,8 @@ def test_euler_angles_take_any_order_fixed_or_turning():
     ("text", "field", "problem"),
     [
         # Keys
-        (KEYFRAMES + "limts: {}", "limts", "unknown key; did you mean 'limits'?"),
         (KEYFRAMES + "limits: {velocty: 3}", "limits.velocty", "did you mean 'velocity'?"),
         ("keyfrmes: []", "keyfrmes", "unknown key; did you mean 'keyframes'?"),
-        ("method: slerp", "keyframes", "expected at least 1, got 0"),
         (
             "keyframes:\n  - {tme: 1, quaternion: {w: 1, x: 0, y: 0, z: 0}}\n" + SECOND,
             "keyframes[0].tme",
@@ -138,11 +136,9 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         ),
         (KEYFRAMES + "? [a]\n: 1", "", "line 4: a key must be a text"),
         # Types
-        ("keyframes: 5", "keyframes", "expected a list, got 5"),
         ("keyframes:", "keyframes", "expected a list, got nothing"),
         ("keyframes: [3, 4]", "keyframes[0]", "expected a mapping, got 3"),
         (KEYFRAMES + "method: 3", "method", "expected a text, got 3"),
-        (KEYFRAMES + "approach: maybe", "approach", "expected true or false, got the text 'maybe'"),
         (
             KEYFRAMES + "start_velocity: 5",
             "start_velocity",
@@ -174,11 +170,6 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         (KEYFRAMES + "limits: {jerk: 010}", "limits.jerk", "got the text '010'"),
         (KEYFRAMES + "limits: {jerk: 2020-01-01}", "limits.jerk", "got the text '2020-01-01'"),
         (KEYFRAMES + "limits: {jerk: -.inf}", "limits.jerk", "expected a finite number, got -inf"),
-        (
-            KEYFRAMES + "limits: {velocity: -3}",
-            "limits.velocity",
-            "a number greater than 0, got -3",
-        ),
         # Orientations
         (KEYFRAMES + "  - {position: [0, 0, 1]}", "keyframes[2]", "got none of them"),
         (

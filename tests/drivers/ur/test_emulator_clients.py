@@ -145,19 +145,6 @@ def test_taken_address_is_refused_with_a_reason(ur_robot):
         EmulatedRobot(ur_robot.host).start()
 
 
-def test_frozen_controller_leaves_its_clients_with_old_values(ur_robot):
-    with receive_of(ur_robot.host) as receive:
-        ur_robot.ask("freeze")
-        seen = receive.getTimestamp()
-        ends = time.monotonic() + 0.3
-        while time.monotonic() < ends:
-            last = receive.getTimestamp()
-        assert last - seen < 0.01
-        assert receive.isConnected()
-        ur_robot.ask("thaw")
-        until(lambda: receive.getTimestamp() > last)
-
-
 def test_emulator_ends_cleanly_when_asked(ur_host):
     robot = EmulatedRobot(ur_host)
     robot.start()

@@ -201,12 +201,6 @@ def test_a_named_frame_is_fixed_to_the_device_and_has_its_own_tool():
     assert found == pytest.approx((0.0, 1.0, 0.0), abs=1e-6)
 
 
-def test_an_unknown_frame_is_refused_with_a_hint():
-    session = Session(frames=FRAMES)
-    with pytest.raises(RequestError, match="no frame 'mist'; did you mean 'mast'"):
-        session.now(lambda: session.look_at([2.0, 0.0, 0.0], frame="mist"))
-
-
 def test_an_orientation_in_the_world_is_kept_on_a_moving_base():
     session, base, held = Session(), swung(0.5, LIMITS), exp((0.2, 0.3, -0.1))
     session.stream(

@@ -153,13 +153,6 @@ def test_a_device_without_cycles_or_motion_can_be_told(device):
     assert told.state == pb.STATE_HOLDING
 
 
-def test_a_motion_is_told_by_its_name(device, motion):
-    facts = replace(motion.facts, name="fetch")
-    device.number, device.motion = 3, SimpleNamespace(id=facts.id, facts=facts)
-    told = report.device_report(device)
-    assert (told.motion_name, told.motion_id) == ("fetch", facts.id)
-
-
 def test_the_motion_that_ended_last_is_told_with_its_end(device, motion):
     queued = QueuedMotion(SimpleNamespace(facts=replace(motion.facts, name="fetch")), number=3)
     queued.reached = 0.25

@@ -74,12 +74,6 @@ def test_a_servo_without_a_measured_current_tells_none(rig):
     assert told["pitch"].current is not None
 
 
-def test_overheating_is_a_fault_of_its_own(gimbal):
-    gimbal.servo(1).temperature = 81
-    with pytest.raises(DeviceFaultError, match=r"servo 1 \(yaw\) reports overheating"):
-        gimbal.run(4)
-
-
 def test_what_is_overwritten_is_said_and_refused_unless_permitted(rig):
     refused = rig("ZY", overwrite=False)
     refused.servo(2).write(20, (500).to_bytes(4, "little"), refused.clock.now_ns())
@@ -149,8 +143,3 @@ def test_current_limit_keeps_the_turns(rig):
     it.driver.disable()
     it.driver.reset()
     assert it.driver.enable().joints[0] == pytest.approx(0.015 * 299, abs=0.01)
-
-
-def test_current_limit_above_what_the_servo_gives_is_refused(rig):
-    with pytest.raises(DeviceFaultError, match=r"servo 1 \(yaw\) gives 3.21 A at most"):
-        limited(rig, 3.5)

@@ -117,16 +117,6 @@ def test_axis_that_was_turned_a_little_beyond_its_limit_is_refused_by_that(rig, 
         it.driver.enable()
 
 
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize(
-    ("limit", "at", "by_hand"), [(180, 130, 44), (270, 170, 44), (720, 400, -44)]
-)
-def test_axis_that_was_turned_a_little_is_known(rig, tmp_path, side, limit, at, by_hand):
-    it = turned_without_power(rig, tmp_path, limit, side * at, side * by_hand)
-    found = math.degrees(it.enable().joints[0])
-    assert found == pytest.approx(side * (at + by_hand), abs=1.0)
-
-
 @pytest.mark.parametrize("seed", range(int(os.environ.get("ORIENTD_CASES", "40"))))
 def test_angle_is_right_or_refused_wherever_it_was_turned(rig, tmp_path, seed):
     generator = random.Random(seed)

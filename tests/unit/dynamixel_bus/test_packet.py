@@ -3,7 +3,6 @@
 import random
 
 import pytest
-from fast_status import fast_blocks
 
 from emulated_dynamixel.packet import (
     Damaged,
@@ -77,22 +76,6 @@ def test_published_fast_status_is_encoded_to_the_byte():
     for place in range(len(FAST_BLOCKS)):
         heard += fast_part(FAST_BLOCKS, place, heard)
     assert heard == bytes.fromhex(FAST_STATUS)
-
-
-def test_published_fast_status_is_taken_apart():
-    assert fast_blocks(bytes.fromhex(FAST_STATUS), [4, 4, 4]) == FAST_BLOCKS
-
-
-def test_fast_status_with_a_flipped_bit_is_refused():
-    raw = bytearray.fromhex(FAST_STATUS)
-    raw[12] ^= 0x10
-    with pytest.raises(ValueError, match="CRC of the block at byte 8"):
-        fast_blocks(bytes(raw), [4, 4, 4])
-
-
-def test_fast_status_of_another_length_is_refused():
-    with pytest.raises(ValueError, match="must have 32 bytes, got 31"):
-        fast_blocks(bytes.fromhex(FAST_STATUS)[:-1], [4, 4, 4])
 
 
 def test_crc_equals_that_of_the_vendors_sdk():

@@ -7,7 +7,7 @@ import pytest
 from emulated_dynamixel.motion import TICKS_PER_RADIAN
 from emulated_dynamixel.packet import ALERT, ErrorNumber
 from emulated_dynamixel.servo import EmulatedServo, Lie
-from emulated_dynamixel.table import XL330_M288, XM430_W350
+from emulated_dynamixel.table import XL330_M288
 
 TURN_LIMIT = 1_048_575
 
@@ -108,11 +108,6 @@ def test_a_register_reads_what_the_writes_have_made_of_it(
     for one in before:
         assert put(servo, *one) == 0
     assert number(servo, address, size, now) == pytest.approx(value, abs=within)
-
-
-@pytest.mark.parametrize(("model", "number_"), [(XM430_W350, 1020), (XL330_M288, 1200)])
-def test_model_number_is_in_the_table(model, number_):
-    assert number(EmulatedServo(1, model), 0, 2) == number_
 
 
 def test_torque_on_takes_the_present_position_as_goal():

@@ -123,19 +123,6 @@ def test_numbers_lists_and_strings(call):
     assert call("to_num", " -7 ") == -7
 
 
-def test_kinematics_of_a_program(robot, call):
-    pose = call("get_forward_kin", HOME, (0, 0, 0.1, 0, 0, 0))
-    assert call("get_inverse_kin", pose, HOME, 0, 0, (0, 0, 0.1, 0, 0, 0)) == pytest.approx(HOME)
-    assert call("get_inverse_kin_has_solution", pose)
-    assert not call("get_inverse_kin_has_solution", (3, 0, 0, 0, 0, 0))
-    assert call("is_within_safety_limits", HOME)
-    assert not call("is_within_safety_limits", (7, 0, 0, 0, 0, 0))
-    call("set_tcp", (0, 0, 0.1, 0, 0, 0))
-    assert call("get_tcp_offset")[2] == 0.1
-    assert call("get_forward_kin") == pytest.approx(pose)
-    assert robot.value("tcp_offset")[2] == 0.1
-
-
 def test_tool_payload_and_voltage(robot, call):
     call("set_target_payload", 2.0, (0.1, 0.2, 0.3), (1, 2, 3, 4, 5, 6))
     call("set_payload_mass", 3.0)
@@ -180,21 +167,6 @@ def test_a_speed_is_kept_for_as_many_cycles_as_its_time_has(robot):
         rates.append(robot.arm.target_qd[0])
     assert rates[:10] == pytest.approx([0.5 * 0.002 * k for k in range(1, 11)])
     assert len(rates) == 11  # the last one said that the ten are over
-
-
-def test_the_arm_gives_way_to_force_mode_until_it_touches(robot):
-    begun = robot.tool.pose("target_TCP_pose")
-    z = begun[2]
-    frame, limits = "p[0,0,0,0,0,0]", "[0.1, 0.1, 0.03, 1, 1, 1]"
-    run(
-        robot, f"  force_mode({frame}, [0,0,1,0,0,0], [9,0,-5,0,0,0], 2, {limits})\n  sleep(9)", 500
-    )
-    moved = robot.tool.pose("target_TCP_pose")
-    assert moved[2] - z == pytest.approx(-0.03 * 1.0, abs=0.001)
-    assert moved[:2] == pytest.approx(begun[:2])
-    robot.is_touching = True
-    tick(robot, 50)
-    assert robot.tool.pose("target_TCP_pose")[2] == pytest.approx(moved[2], abs=1e-3)
 
 
 def test_force_mode_turns_the_tool_about_an_axis_of_its_frame(robot):
@@ -433,12 +405,3 @@ def test_a_moving_arm_does_not_give_way_even_without_a_program(robot):
         robot.push(HOME, 0.1)
     tick(robot, 200)
     robot.push(HOME, 0.1)
-
-
-def test_dashboard_leads_a_robot_from_a_violation_to_running(robot):
-    robot.enter(SafetyMode.VIOLATION)
-    for line, mode in (("restart safety", RobotMode.POWER_OFF), ("power on", RobotMode.IDLE),
-                       ("brake release", RobotMode.RUNNING)):  # fmt: skip
-        dashboard.reply(robot, line)
-        tick(robot, 120)
-        assert (robot.robot_mode, robot.safety_mode) == (mode, SafetyMode.NORMAL)
