@@ -172,6 +172,7 @@ def test_a_bad_file_is_refused_in_a_process_of_its_own(daemon, tmp_path):
         ["enable"],
         ["disable"],
         ["reset"],
+        ["view", "--no-open"],
     ],
     ids=lambda arguments: arguments[0],
 )
@@ -237,6 +238,11 @@ def test_a_mistake_in_the_command_line_is_one_line_and_status_2(arguments):
     assert json.loads(told.stderr)["error"]["kind"] == "UsageError"
 
 
+def test_a_wrong_speed_is_refused_for_what_it_is(daemon):
+    done = inside("speed", "-1", "--socket", daemon.socket)
+    assert_refused(done, "speed: expected more than 0 and at most 1, got -1")
+
+
 @pytest.mark.parametrize("moment", [float("nan"), float("inf"), "soon"])
 def test_a_start_that_is_no_time_is_refused(daemon, moment):
     with (
@@ -244,6 +250,23 @@ def test_a_start_that_is_no_time_is_refused(daemon, moment):
         pytest.raises(RequestError, match="start_time: expected seconds, got "),
     ):
         robot.move([TURNED], start_time=moment)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("angular_velocity", [1.0, 2.0]),
+        ("angular_velocity", "fast"),
+        ("velocity_frame", "tool"),
+        ("time_ns", 1.5),
+        ("time_to_live", "soon"),
+    ],
+)
+def test_a_target_that_is_not_well_formed_is_refused(daemon, field, value):
+    with package.connect(daemon.socket) as robot, robot.track() as tracking:
+        fields = {"angular_velocity": [0.0, 0.0, 1.0], field: value}
+        with pytest.raises(RequestError, match=f"target.{field}: expected .*, got "):
+            tracking.aim(UPRIGHT, **fields)
 
 
 def test_help_is_never_cut_short():

@@ -288,6 +288,12 @@ def test_a_wrong_line_is_named_with_value_expectation_and_the_next_step(daemon):
     ]
 
 
+def test_nothing_but_bad_lines_is_a_failure(daemon):
+    done = follow(daemon, "null")
+    assert (done.returncode, json.loads(done.stdout)["refused"]) == (1, 1)
+    assert done.stderr.startswith("orientd: line 1: expected a JSON object")
+
+
 def test_a_free_lease_is_taken_where_there_is_nothing_to_command_beside(daemon):
     beside = ("--lease", "--socket", daemon.socket)
     assert told(inside("speed", "0.5", *beside, "--json"))["speed"] == 0.5

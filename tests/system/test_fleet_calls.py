@@ -58,6 +58,29 @@ def test_a_device_follows_targets_and_comes_to_rest_at_their_end(fleet):
         assert tracking.report.refused == 0
 
 
+def test_a_device_plays_chunks_and_says_how_it_goes(fleet):
+    with fleet.robot("arm-1") as robot:
+        begin = rotation.multiply(to_quaternion(cycle(robot).q), np.array([1.0, 0.0, 0.0, 0.0]))
+        turns = rotation.exp(np.outer(0.01 * np.arange(16), [0.0, 0.0, 1.0]))
+        poses = Quaternion.from_array(rotation.multiply(begin, turns), order="wxyz")
+        with robot.play() as play:
+            for _ in range(3):
+                play.chunk(poses, rate=30.0)
+        timing = play.timing()
+        assert (timing.chunks, timing.skipped, play.report.refused) == (3, 0, 0)
+        end = rotation.multiply(begin, turns[-1])
+        assert rotation.angle(to_quaternion(cycle(robot).q), end) < 1e-4
+
+
+def test_whoever_follows_stops_when_the_caller_has_gone(cell, fleet):
+    with cell.fleet() as other:
+        tracking = other.robot("arm-1").track()
+        tracking.aim(AIM)
+    with fleet.robot("arm-1") as robot:
+        until(lambda: cycle(robot).state == pb.STATE_HOLDING, "it holds")
+        until(lambda: not robot.state().daemon.leases, "the lease runs out")
+
+
 def test_the_table_on_a_terminal_is_written_over_and_fits(cell):
     ours, theirs = os.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 40, 0, 0))

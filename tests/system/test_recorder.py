@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from command_line import begin, environment, orientd
+from command_line import assert_refused, begin, environment, orientd
 from hand_held import recorded as hand_held
 from hand_held import truth
 from harness import DEVICE, DaemonProcess, nudge, spin, until
@@ -177,6 +177,11 @@ def test_a_full_disk_ends_the_recording_and_not_the_motion(daemon, tmp_path):
     assert "Traceback" not in line
     assert summary.outcome == pb.OUTCOME_DONE
     assert daemon.device().state == pb.STATE_HOLDING
+
+
+def test_a_device_that_is_not_there_is_refused(daemon, tmp_path):
+    done = orientd("record", tmp_path / "a.mcap", "-d", "leg", "--socket", daemon.socket)
+    assert_refused(done, "expected one of arm, got 'leg'")
 
 
 def flight_files(daemon):

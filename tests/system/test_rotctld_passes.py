@@ -81,6 +81,19 @@ def test_a_waiting_pass_is_left_for_a_position_elsewhere(daemon, tmp_path):
         assert client.ask("P 0 10") == ["RPRT 0"]
 
 
+def test_a_planned_pass_that_waits_is_left_for_a_position_elsewhere(daemon, tmp_path):
+    """The daemon has its motion already, which is to begin in minutes."""
+    rise = time.time() + 400.0
+    table = written(tmp_path, [(rise + 5.0 * t, 2.0 * t, 10.0 + t) for t in range(20)])
+    with rotctld(daemon, "--ephemeris", table) as client:
+        assert client.ask("P 0 10") == ["RPRT 0"]
+        until(lambda: daemon.device().motion_name == "pass", "the pass to be planned")
+        assert client.ask("P 100 20") == ["RPRT 0"]
+        client.await_position(100.0, 20.0)
+        assert client.ask("P 0 10") == ["RPRT 0"]
+        until(lambda: daemon.device().motion_name == "pass", "the pass to be planned again")
+
+
 def test_a_stop_ends_a_planned_pass(daemon, tmp_path):
     rise = time.time() + 1.0
     rows = [(rise + 2.0 * t, 2.0 * t, 30.0) for t in range(100)]

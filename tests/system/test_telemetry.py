@@ -90,3 +90,7 @@ def test_a_motion_is_called_by_its_name_in_reports_in_the_log_and_in_events(daem
     told = until(lambda: len(story()) >= 3 and story(), "the story")
     assert [one["event"] for one in told if "event" in one] == ["motion started", "motion done"]
     assert all(f"{report.motion_number} 'fetch'" in one["message"] for one in told)
+
+
+def test_no_secret_is_in_the_log(daemon):
+    assert daemon.token not in (daemon.folder / "log").read_text()

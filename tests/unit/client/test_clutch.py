@@ -169,6 +169,13 @@ def test_a_hand_that_is_no_pose_is_left_out():
     assert clutch.skipped == 3
 
 
+def test_a_position_that_only_some_poses_of_the_hand_have_is_refused():
+    _, clutch = engaged()
+    clutch.move(hand(HAND))
+    with pytest.raises(RequestError, match=r"position: expected in every call or in none"):
+        clutch.move(hand(HAND), position=(1.0, 0.0, 0.0))
+
+
 def test_nobody_who_did_not_move_is_released():
     targets, clutch = engaged()
     clutch.release()

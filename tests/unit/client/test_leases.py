@@ -78,6 +78,15 @@ def until_lost(leases):
     raise AssertionError("the lease is still held")
 
 
+def test_a_lease_is_taken_once_and_when_it_is_needed(daemon, leases):
+    assert not leases.is_held("arm")
+    assert daemon.acquired == []
+    assert leases.needed("arm") == leases.needed("arm") == leases.token("arm") == "t1"
+    assert leases.is_held("arm")
+    assert not leases.is_held("leg")
+    assert leases.needed("leg") == "t2"
+
+
 def test_the_only_device_needs_no_name(leases):
     assert leases.token() == ""
     leases.acquire(["arm"])

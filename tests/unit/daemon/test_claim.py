@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+import stat
 
 import pytest
 
@@ -19,6 +20,11 @@ def left_behind(path):
     path.parent.mkdir(exist_ok=True)
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(str(path))
+
+
+def test_the_directory_is_for_its_owner_only(path):
+    with claimed(path):
+        assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
 
 
 def test_a_directory_that_everybody_can_write_is_refused(path):

@@ -285,6 +285,47 @@ def test_a_stop_counts_before_the_name_of_its_user_is_known(devices, arm, servo,
     assert "start" not in servo.asked
 
 
+def test_a_kept_plan_is_found_by_its_name_and_device(devices, arm):
+    motion = plan(devices, arm)
+    assert devices.plans.find(arm.name, motion.id).id == motion.id
+    for device, name in ((devices.device("leg"), motion.id), (arm, "nonsense")):
+        with pytest.raises(UnknownNameError, match=r"^motion_id: device .* has no plan"):
+            devices.plans.find(device.name, name)
+
+
+def test_a_name_may_be_left_out_where_there_is_one_device(devices):
+    with pytest.raises(RequestError, match=r"^device: expected one of arm, leg, got nothing"):
+        devices.device("")
+    with pytest.raises(UnknownNameError, match=r"^device: expected one of arm, leg, got 'tail'"):
+        devices.device("tail")
+    alone = Devices(config.default_settings(), planners=devices.planners)
+    assert alone.device("").name == "arm"
+
+
+def test_shutdown_stops_what_runs_and_takes_no_more(devices, arm, servo):
+    token = devices.leases.acquire("ana").token
+    run = begin(devices, arm, token)
+    asked = servo.ask
+
+    def ask(command, **more):
+        asked(command, **more)
+        tend(arm)
+
+    servo.ask = ask
+    devices.shutdown()
+    assert run.ended.result(0) == (pb.OUTCOME_STOPPED, "the daemon is going down")
+    assert servo.asked[-2:] == ["stop", "end"]
+    with pytest.raises(DaemonError, match="going down"):
+        devices.check(token, arm, "")
+
+
+def test_what_keeps_a_device_from_being_ready_is_told(devices, servo):
+    servo_of(devices.device("leg")).wait_ready = lambda timeout: True
+    servo.wait_ready = lambda timeout: False
+    servo.fail(Fault.SERVO_DIED, "no such device")
+    assert devices.wait_ready(1.0) == ["device arm: no such device"]
+
+
 def test_a_motion_waits_for_a_steady_speed_and_says_so(devices, arm, servo):
     servo.refusals = 2 * [NotYetError("the speed is changing")]
     order = order_of(MOTION)
@@ -353,6 +394,14 @@ def test_the_options_of_a_motion_are_not_those_of_the_next(devices, arm, servo, 
 def test_a_halt_leaves_the_path(devices, servo):
     stop(devices, "arm", "ana", is_quickest=True)
     assert servo.asked[-1] == "halt"
+
+
+def test_all_devices_are_stopped_at_once(devices):
+    together = threading.Barrier(2)
+    for device in devices.by_name.values():
+        servo_of(device).ask = lambda command: together.wait(10.0)
+    stop(devices, "", "ben")
+    assert not together.broken
 
 
 @pytest.mark.parametrize("speed", [0.0, -0.5, 1.5, float("nan")])
@@ -435,20 +484,3 @@ def test_the_event_at_the_end_of_targets_says_the_fault(devices, arm, servo, mon
     assert ended(arm, run) == (pb.OUTCOME_FAULT, "no answer on the line")
     stopped = [one.text for one in events if one.kind is EventKind.MOTION_STOPPED]
     assert stopped == ["no answer on the line"]
-
-
-def test_a_kept_plan_is_found_by_its_name_and_device(devices, arm):
-    motion = plan(devices, arm)
-    assert devices.plans.find(arm.name, motion.id).id == motion.id
-    for device, name in ((devices.device("leg"), motion.id), (arm, "nonsense")):
-        with pytest.raises(UnknownNameError, match=r"^motion_id: device .* has no plan"):
-            devices.plans.find(device.name, name)
-
-
-def test_a_name_may_be_left_out_where_there_is_one_device(devices):
-    with pytest.raises(RequestError, match=r"^device: expected one of arm, leg, got nothing"):
-        devices.device("")
-    with pytest.raises(UnknownNameError, match=r"^device: expected one of arm, leg, got 'tail'"):
-        devices.device("tail")
-    alone = Devices(config.default_settings(), planners=devices.planners)
-    assert alone.device("").name == "arm"

@@ -127,6 +127,13 @@ def test_names_and_reasons_are_needed_and_cut_to_200_characters(leases):
     assert (before.holder, what) == (f"{'x' * 197}...", f"was seized by {after.who}: {cut}")
 
 
+def test_who_has_no_token_is_told_to_acquire_one(leases):
+    with pytest.raises(LeaseError, match="a command needs the lease"):
+        leases.check("")
+    with pytest.raises(LeaseError, match="has expired or was released"):
+        leases.check("nonsense")
+
+
 def test_a_lease_of_another_device_is_said_to_be_one(pair):
     ana = pair.acquire("ana", devices=["arm"])
     with pytest.raises(LeaseError, match="the lease covers arm, not leg: acquire that too"):

@@ -2,7 +2,19 @@
 
 import socket
 
+import pytest
+
 from orientd.daemon.systemd import notify
+
+
+@pytest.mark.parametrize("kind", ["path", "abstract"])
+def test_the_state_arrives(tmp_path, monkeypatch, kind):
+    address = str(tmp_path / "notify") if kind == "path" else f"@orientd-test-{tmp_path.name}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(address.replace("@", "\0", 1))
+        monkeypatch.setenv("NOTIFY_SOCKET", address)
+        notify("READY=1")
+        assert receiver.recv(100) == b"READY=1"
 
 
 def test_nobody_is_told_where_nobody_asks(monkeypatch):

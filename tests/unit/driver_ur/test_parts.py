@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from orientd import config
-from orientd.floats import exp
+from orientd.floats import exp, multiply
 from orientd_ur import controller, options
+from orientd_ur.arm import MODELS
 from orientd_ur.pose import LONGEST, continued
 from orientd_ur.timing import ControllerClock
 
@@ -103,6 +104,30 @@ def test_shortest_rotation_vector_is_the_rotation(angle):
         assert same(exp(found), exp(r))
 
 
+@pytest.mark.parametrize(
+    "axis", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.48, -0.6, 0.64)]
+)
+def test_rotation_vector_goes_on_beyond_pi_without_a_jump(axis):
+    def turned(angle):
+        return tuple(angle * a for a in axis)
+
+    last = turned(3.0)
+    for step in range(1, 160):
+        r = continued(exp(turned(3.0 + 0.01 * step)), last)
+        assert norm([a - b for a, b in zip(r, last, strict=True)]) < 0.0101
+        last = r
+    assert last == pytest.approx(turned(3.0 + 1.59))
+
+
+def test_orientation_that_trembles_about_pi_never_jumps():
+    last = (0.0, 0.0, 3.1)
+    for step in range(400):
+        q = multiply(exp((0.0, 0.0, math.pi)), exp((0.0, 0.0, 0.05 * math.sin(step))))
+        r = continued(q, last)
+        assert norm([a - b for a, b in zip(r, last, strict=True)]) < 0.1001
+        last = r
+
+
 def test_rotation_vector_is_the_orientation_and_never_long():
     last, jumps = (0.0, 0.0, 0.0), 0
     for step in range(4000):
@@ -173,3 +198,17 @@ def test_example_configuration_is_whole():
     assert checked == options.check({"host": "127.0.0.2", "model": "ur5e"}, period=0.002)
     mentioned = set(re.findall(r"^#? ?(\w+) = ", path.read_text(), re.MULTILINE))
     assert {field.name for field in fields(options.UrOptions)} <= mentioned
+
+
+@pytest.mark.parametrize(
+    ("joints", "elbow", "flange"),
+    [
+        # The published table, all joints zero and the shoulder upright.
+        ((0.0,) * 6, (-0.425, 0.0, 0.1625), (-0.8172, -0.2329, 0.0628)),
+        ((0.0, -math.pi / 2, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.5875), (-0.0997, -0.2329, 0.9797)),
+    ],
+)
+def test_frames_are_where_the_published_table_says(joints, elbow, flange):
+    origins = MODELS["ur5e"].arm().kinematics.frames(joints)
+    assert origins[2] == pytest.approx(elbow, abs=1e-12)
+    assert origins[-1] == pytest.approx(flange, abs=1e-12)

@@ -38,6 +38,16 @@ def ph():
     return sdk.Protocol2PacketHandler()
 
 
+def test_reboot_and_clear_multi_turn(port, ph, bus):
+    bus.servo(1).shaft.position = 10_000.0
+    assert ph.clearMultiTurn(port, 1) == (COMM_SUCCESS, 0)
+    assert ph.read4ByteTxRx(port, 1, 132)[0] == 10_000 % 4096
+    assert ph.reboot(port, 1) == (COMM_SUCCESS, 0)
+    assert ph.ping(port, 1)[1] == COMM_RX_TIMEOUT
+    port.clock.advance(300_000_000)
+    assert ph.ping(port, 1)[1] == COMM_SUCCESS
+
+
 def test_replies_that_hold_a_header_are_stuffed(port, ph, bus):
     bus.servo(1).shaft.position = float(0xFDFFFF - (1 << 24))
     value, result, _ = ph.read4ByteTxRx(port, 1, 132)

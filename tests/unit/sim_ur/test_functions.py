@@ -123,6 +123,19 @@ def test_numbers_lists_and_strings(call):
     assert call("to_num", " -7 ") == -7
 
 
+def test_kinematics_of_a_program(robot, call):
+    pose = call("get_forward_kin", HOME, (0, 0, 0.1, 0, 0, 0))
+    assert call("get_inverse_kin", pose, HOME, 0, 0, (0, 0, 0.1, 0, 0, 0)) == pytest.approx(HOME)
+    assert call("get_inverse_kin_has_solution", pose)
+    assert not call("get_inverse_kin_has_solution", (3, 0, 0, 0, 0, 0))
+    assert call("is_within_safety_limits", HOME)
+    assert not call("is_within_safety_limits", (7, 0, 0, 0, 0, 0))
+    call("set_tcp", (0, 0, 0.1, 0, 0, 0))
+    assert call("get_tcp_offset")[2] == 0.1
+    assert call("get_forward_kin") == pytest.approx(pose)
+    assert robot.value("tcp_offset")[2] == 0.1
+
+
 def test_tool_payload_and_voltage(robot, call):
     call("set_target_payload", 2.0, (0.1, 0.2, 0.3), (1, 2, 3, 4, 5, 6))
     call("set_payload_mass", 3.0)
@@ -405,3 +418,12 @@ def test_a_moving_arm_does_not_give_way_even_without_a_program(robot):
         robot.push(HOME, 0.1)
     tick(robot, 200)
     robot.push(HOME, 0.1)
+
+
+def test_dashboard_leads_a_robot_from_a_violation_to_running(robot):
+    robot.enter(SafetyMode.VIOLATION)
+    for line, mode in (("restart safety", RobotMode.POWER_OFF), ("power on", RobotMode.IDLE),
+                       ("brake release", RobotMode.RUNNING)):  # fmt: skip
+        dashboard.reply(robot, line)
+        tick(robot, 120)
+        assert (robot.robot_mode, robot.safety_mode) == (mode, SafetyMode.NORMAL)

@@ -172,6 +172,16 @@ def test_motion_takes_its_time(robot, call, seconds):
     assert count * 0.002 == pytest.approx(seconds, abs=0.02)
 
 
+def test_speed_goes_on_until_the_stop_and_the_tool_takes_it_on_gradually(robot):
+    before = robot.tool.pose("actual_TCP_pose")[2]
+    run(robot, "speedl([0, 0, 0.05, 0, 0, 0], 0.25)\nsleep(0.2)\nstopl(5)\nsleep(1)", 50)
+    assert 0.5 * 0.25 * 0.08**2 * 0.5 < robot.tool.pose("target_TCP_pose")[2] - before < 0.002
+    for _ in range(300):
+        robot.tick()
+    assert robot.arm.is_still
+    assert robot.tool.pose("actual_TCP_pose")[2] - before == pytest.approx(0.015, abs=0.003)
+
+
 def test_secondary_program_runs_beside_the_main_one(robot):
     run(robot, "while True:\n sync()\nend", 5)
     robot.upload("sec io():\n  set_standard_digital_out(3, True)\nend\n")
