@@ -87,22 +87,6 @@ def at(motion, index):
 FIRST, BLENDED = queued(1, 0), queued(2, 500, corner=CORNER)
 
 
-def test_a_blended_motion_is_passed_where_the_next_is_nearest_to_its_end(endings, told):
-    endings.leave([FIRST], BLENDED, at(2, 519))
-    assert told == []
-    endings.leave([], BLENDED, at(2, 520))
-    assert told == [(EventKind.MOTION_PASSED, 1, "2.86 deg from its end")]
-    endings.come_to_rest("")
-    assert len(told) == 1
-
-
-def test_what_is_stopped_on_the_way_round_its_corner_says_so(endings, told):
-    endings.leave([FIRST], BLENDED, at(2, 510))
-    endings.come_to_rest("")
-    text = "stopped after it was left for motion 2, before its end"
-    assert told == [(EventKind.MOTION_STOPPED, 1, text)]
-
-
 def test_what_the_next_is_replaced_before_is_replaced_too(endings, told):
     endings.leave([FIRST], BLENDED, at(2, 510))
     left = queued(2, 500, corner=CORNER, is_replaced=True, last_record=12)
@@ -112,9 +96,3 @@ def test_what_the_next_is_replaced_before_is_replaced_too(endings, told):
         (EventKind.MOTION_REPLACED, 2, ""),
         (EventKind.MOTION_REPLACED, 1, "after it was left for motion 2, before its end"),
     ]
-
-
-def test_what_goes_over_at_its_end_is_done_and_what_is_replaced_is_not(endings, told):
-    replaced = queued(1, 0, is_replaced=True)
-    endings.leave([replaced, queued(2, 500)], queued(3, 900), at(3, 900))
-    assert told == [(EventKind.MOTION_REPLACED, 1, ""), (EventKind.MOTION_DONE, 2, "")]
