@@ -142,7 +142,7 @@ class Guidance:
             reference.conclude()
             found = reference.at(now_ns) or found
         where = reference.position_at(now_ns)
-        self.place = None if where is None else Place(*where)
+        self.place = None if where is None else Place(*where, where[-1])
         last = reference.last
         if last is not None:
             self._note(last, found, follower.moving()[0])

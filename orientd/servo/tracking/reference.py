@@ -26,6 +26,7 @@ from math import dist, inf
 from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
 from orientd.servo.tracking.targets import (
+    BENT,
     FilteredTarget,
     ReferenceState,
     Target,
@@ -228,20 +229,21 @@ class Reference:
         self._unfiltered = max(0, end - (count - len(targets)))
         return motion
 
-    def position_at(self, now_ns: int) -> tuple[Vector3, Vector3] | None:
-        """Return position and velocity of the target at *now_ns*, m and m/s, if it has any.
+    def position_at(self, now_ns: int) -> tuple[Vector3, Vector3, Vector3] | None:
+        """Return position, velocity and acceleration of the target at *now_ns*, if it has any.
 
-        Call it after :meth:`at` for the same time.
+        Call it after :meth:`at` for the same time.  The units are m and s.
         """
         last = self.last
         if last is None or last.travelling is None or last.target.position is None:
             return None
         is_end = last is self._targets[-1] and self._arrivals.have_ceased(now_ns)
         if is_end or self._is_concluded:
-            return last.target.position, ZERO
+            return last.target.position, ZERO, ZERO
         found, since = last.travelling, (now_ns - last.target.time_ns) * 1e-9
         way, velocity = carried_on(found.velocity, found.acceleration, since)
-        return plus(last.position, way, 1.0), velocity
+        acceleration = found.acceleration if since < BENT else ZERO
+        return plus(last.position, way, 1.0), velocity, acceleration
 
     def end(self, now_ns: int) -> tuple[Target, float] | None:
         """Return the target that is known to be the last, and the time until then, s.

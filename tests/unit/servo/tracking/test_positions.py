@@ -95,3 +95,17 @@ def test_a_position_and_an_orientation_swing_together():
             assert last.position @ ALONG == pytest.approx(0.1 * sin(3 * t), abs=3e-3)
             assert 2 * last.q[1] == pytest.approx(2 * sin(0.2 * sin(3 * t)), abs=3e-3)
     assert keeps_limits(rig)
+
+
+@pytest.mark.parametrize("share", [1.05, 1.2])
+def test_a_swinging_position_is_locked_on_with_limits_just_above_its_motion(share):
+    size, pace = 0.1, np.pi
+    most = size * pace
+    rig = tracking(linear_velocity=share * most, linear_acceleration=share * most * pace)
+    for k in range(2500):
+        if k % 16 == 0:
+            aim(rig, size * sin(pace * k * PERIOD) * ALONG)
+        rig.run()
+        if k > 1000:
+            apart = rig.driver.setpoints[-1].position @ ALONG - size * sin(pace * k * PERIOD)
+            assert abs(apart) < 0.05 * size
