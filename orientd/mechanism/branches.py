@@ -30,7 +30,7 @@ _SLEW_COST = 1e3
 """Cost of a second during which the path stands still."""
 _ERROR_COST = 20.0
 _TURN = 2.0 * math.pi
-_PAIRS = 1_000_000  # pairs of candidates at a time, to bound memory
+_PAIRS = 250_000  # pairs of candidates at a time, to bound memory
 _MATCH = 1e-5
 
 
@@ -177,13 +177,16 @@ def choose(
     together = max(1, _PAIRS // count**2)
     for begin in range(1, length, together):
         end = min(length, begin + together)
-        gaps = np.abs(every[begin:end, :, None, :] - every[begin - 1 : end - 1, None, :, :])
-        travel = np.sum(gaps, axis=-1)
-        too_far = np.any(gaps > bounds.longest_step, axis=-1)
+        # One array for each axis: reductions over a short last axis are slow.
+        after, before = every[begin:end, :, None], every[begin - 1 : end - 1, None]
+        gaps = [np.abs(after[..., k] - before[..., k]) for k in range(every.shape[-1])]
+        travel = np.sum(gaps, axis=0)
+        far = [gap > most for gap, most in zip(gaps, bounds.longest_step, strict=True)]
+        too_far = np.logical_or.reduce(far)
         steps = np.where(too_far, np.inf, travel)
         if slews is not None:
             may = too_far & slews[begin:end, None, None]
-            steps[may] = _SLEW_COST * slew_times(gaps[may], bounds)
+            steps[may] = _SLEW_COST * slew_times(np.stack([gap[may] for gap in gaps]).T, bounds)
         steps[np.isnan(travel)] = np.inf
         for k in range(begin, end):
             # Several slow samples in a row count as one stop.

@@ -95,15 +95,17 @@ def slew_times(gaps: Floats, bounds: Bounds) -> Floats:
         bounds: limits of the plan.
     """
     # The axes turn the tool by at most the sum of their angles.
-    gaps = np.concatenate([gaps, np.sum(gaps, axis=-1, keepdims=True)], axis=-1)
+    columns = [*np.moveaxis(gaps, -1, 0), np.sum(gaps, axis=-1)]
     all_of_them: tuple[AxisLimits | ToolLimits, ...] = (*bounds.axes, bounds.tool)
-    speed = np.array([min(one.velocity, _UNLIMITED) for one in all_of_them])
-    force = np.array([min(one.acceleration, _UNLIMITED) for one in all_of_them])
-    ramp = _FASTEST * speed / force
-    # A short distance, without a phase at full speed, is two ramps.
-    is_long = gaps > ramp * speed
-    by_axis = np.where(is_long, gaps / speed + ramp, 2.0 * np.sqrt(_FASTEST * gaps / force))
-    return np.asarray(np.max(by_axis, axis=-1), dtype=np.float64)
+    longest: Floats = np.zeros(gaps.shape[:-1])
+    for gap, one in zip(columns, all_of_them, strict=True):
+        speed, force = min(one.velocity, _UNLIMITED), min(one.acceleration, _UNLIMITED)
+        ramp = _FASTEST * speed / force
+        # A short distance, without a phase at full speed, is two ramps.
+        is_long = gap > ramp * speed
+        lasts = np.where(is_long, gap / speed + ramp, 2.0 * np.sqrt(_FASTEST * gap / force))
+        longest = np.maximum(longest, lasts)
+    return longest
 
 
 def stop_time(q: Floats, bounds: Bounds) -> float:

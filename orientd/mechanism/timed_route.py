@@ -24,10 +24,10 @@ from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.gimbal_route import error_along, manipulability, refuse_angle, row_of
 from orientd.mechanism.joint_path import (
+    KINDS,
     Bounds,
     JointPath,
     axis_peaks,
-    excess_of,
     losses_of,
     refuse_rates,
 )
@@ -50,7 +50,8 @@ _SAME_LINE = 1e-6
 _FEWEST = 5
 _ROUNDING = 1e-9
 _ATTEMPTS = 6
-_SLOWER = 0.98
+_SLOWER, _SLOWEST = 0.98, 0.25
+"""Share of a limit after an attempt that exceeds it, and the least such share."""
 _RESERVES = tuple(np.radians([0.2, 0.8, 2.0, 4.0]).tolist())
 """Clearances of slews around a cone that are tried in turn, rad: fast axes cut corners more."""
 _OUTSIDE = np.radians(0.1)
@@ -172,18 +173,23 @@ def _within_limits(
     gimbal: Gimbal, path: TimedPath, bounds: Bounds, obstacles: Obstacles | None
 ) -> Timed | None:
     """Return axis angles that keep the limits of the axes and the tool; ``None`` without a way."""
-    share = 1.0
+    shares = np.ones(len(KINDS))
     for _ in range(_ATTEMPTS):
-        axes = _usable(bounds, share)
+        axes = _usable(bounds, shares)
         found = _attempt(gimbal, path, bounds, axes, obstacles)
         if found is None:
             return None
         past = path.past if len(path.past) else np.repeat(found.joints[:1], 3, axis=0)
-        excess = excess_of(axis_peaks(found.joints, bounds.period, bounds.axes, past))
+        excess = np.zeros(len(KINDS))
+        for one in axis_peaks(found.joints, bounds.period, bounds.axes, past):
+            place = KINDS.index(one.kind)
+            excess[place] = max(excess[place], one.value / one.limit)
         tool = bounds.tool.excess(orientations(gimbal, found.joints), bounds.period)
-        if max(excess, tool) <= 1.0:
+        excess = np.maximum(excess, tool ** np.arange(1.0, len(KINDS) + 1.0))
+        if np.max(excess) <= 1.0:
             break
-        share *= max(_SLOWER / max(excess, tool), 0.5)
+        # A limit that is kept need not be lower: a lower velocity would lose time.
+        shares *= np.where(excess > 1.0, np.maximum(_SLOWER / excess, _SLOWEST), 1.0)
     return found
 
 
@@ -198,14 +204,19 @@ def _is_clear(
     return bool(np.all(made))
 
 
-def _usable(bounds: Bounds, share: float) -> list[AxisLimits]:
-    """Return the limits of the axes for lines and slews; they keep those of the tool too."""
-    tool = bounds.tool
+def _usable(bounds: Bounds, shares: Floats) -> list[AxisLimits]:
+    """Return the limits of the axes for lines and slews; they keep those of the tool too.
+
+    Args:
+        bounds: limits of the plan.
+        shares: usable shares of velocity, acceleration and jerk, shape ``(3,)``.
+    """
+    tool, (speed, force, jerk) = bounds.tool, shares.tolist()
     return [
         axis._replace(
-            velocity=share * min(_SPEED_SHARE * axis.velocity, _TOOL_SHARE * tool.velocity),
-            acceleration=share**2 * min(axis.acceleration, _TOOL_SHARE * tool.acceleration),
-            jerk=share**3 * min(axis.jerk, _TOOL_SHARE * tool.jerk),
+            velocity=speed * min(_SPEED_SHARE * axis.velocity, _TOOL_SHARE * tool.velocity),
+            acceleration=force * min(axis.acceleration, _TOOL_SHARE * tool.acceleration),
+            jerk=jerk * min(axis.jerk, _TOOL_SHARE * tool.jerk),
         )
         for axis in bounds.axes
     ]
