@@ -160,7 +160,9 @@ class VirtualSocket(_PatientSocket):
 
     def close(self):
         super().close()
-        self.world.sockets.wake()
+        # A connection that nobody closed is closed as garbage, maybe after the world has ended.
+        if self.world is not None:
+            self.world.sockets.wake()
 
 
 class VirtualSelector(selectors.PollSelector):
