@@ -192,6 +192,7 @@ class Law:
 
     Attributes:
         period: of a cycle, s.
+        velocity: largest of any direction, rad/s or m/s.
         acceleration: largest of any direction, rad/s^2 or m/s^2.
         rest: gains for a target at rest.
         need: of the reference so far.
@@ -231,7 +232,7 @@ class Law:
         jerk = min(jerk, acceleration / (2.0 * h))
         parts[2] = [min(j, a / (2.0 * h)) for a, j in zip(parts[1], parts[2], strict=True)]
         self._row = array("d", (velocity, acceleration, jerk, *parts[0], *parts[1], *parts[2]))
-        self._has_axes = min(map(min, parts)) < inf
+        self.velocity = min(velocity, max(parts[0]))
         self.acceleration = min(acceleration, max(parts[1]))
         self.rest = gains_of(self.acceleration, min(jerk, max(parts[2])), h)
         self.need.forget()
@@ -248,10 +249,8 @@ class Law:
     def share(self, kind: int, vector: Vector3) -> float:
         """Return the share of a limit that a vector takes; *kind* 0 is velocity, 2 is jerk."""
         row = self._row
-        share = norm(vector) / row[kind]
-        if self._has_axes:
-            share = max(share, *(abs(x) / row[3 + 3 * kind + i] for i, x in enumerate(vector)))
-        return share
+        parts = (abs(x) / row[3 + 3 * kind + i] for i, x in enumerate(vector))
+        return max(norm(vector) / row[kind], *parts)
 
     def stopping_way(self, rate: Vector3, change: Vector3) -> float:
         """Return the way of the quickest stop along a velocity, rad or m."""

@@ -1,13 +1,13 @@
-"""The reference of chunks: poses that are known ahead.
+"""The reference of chunks: poses that are known ahead, and the seams between chunks.
 
 A chunk is a curve through its poses (:mod:`orientd.servo.tracking.chunks`).  It replaces everything
-from its first live pose on; poses whose time has passed only shape the curve.  The motion before it
-differs from the curve by an offset.  The offset fades as one quintic.  So the
-reference is continuous up to the acceleration.  Later chunks continue the offset.  Only what they
-change themselves can make it last longer.
+from its first live pose on; poses whose time has passed only shape the curve.  The seam is one
+quintic.  It begins at the last setpoint, or at the last pose that is left of the chunk before.  It
+ends at the first knot that it can reach within the limits.  So the reference is continuous up to
+the acceleration, and equal to the last setpoint after every chunk.
 
-If the offset cannot fade before the poses end, the curve itself is the reference.  The tracker
-closes in on it as soon as the limits allow.
+If no knot can be reached so, the curve of the chunk is the reference without a seam.  The tracker
+closes in on it as soon as the limits allow.  Later chunks begin seams at the last setpoint again.
 
 The motion of the next cycle is known, so it is fed forward as the difference that the guard will
 see.  The device follows without lag as long as the limits allow.
@@ -20,24 +20,22 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import combine, difference, dot, exp, multiply, norm, plus
+from orientd.floats import combine, difference, dot, norm, plus
 from orientd.servo.tracking.law import Law
-from orientd.servo.tracking.quintic import Knot, Piece, quintic
+from orientd.servo.tracking.quintic import Knot, Piece, Quintic
 from orientd.servo.tracking.reference import Arrivals
 from orientd.stream.records import ServoLimits
 
 BRIDGE_NS = 100_000_000
-"""How long before its first pose a chunk takes over from the one before it."""
+"""How long a seam takes at least, if the chunk reaches so far.  Two chunks of one policy differ by
+its noise, and the acceleration for a gap falls with the square of this time."""
 
-FADING = 0.15
-"""How long an offset lasts at least, s.  Two chunks of one policy differ by its noise, and the
-acceleration for a gap falls with the square of this time."""
+SHARE = 0.95
+"""Part of the limits that a seam uses, so that some is left to follow it."""
 
-SHARES = (0.55, 0.75, 0.95)
-"""Parts of the limits that the poses and an offset may need together, in the order of trial."""
-
-LONGER = 1.5
-"""Factor between the spans of an offset that are tried in turn."""
+AGREEING = 0.02
+"""Up to which gap, rad or m, a chunk is where a seam under way leads.  Then that seam stays as it
+is: if every chunk began it again, a long one would never end."""
 
 CATCHING_UP = 0.01
 """Part of a shift of the deadlines that the reading of the curve makes up for in one cycle."""
@@ -51,8 +49,8 @@ STANDING, STANDING_PLACE = 0.01, 0.001
 LONGEST_LAG = 60.0
 """Largest lag that is reported, s: no pose of a chunk is farther ahead."""
 
-
-_NO_RATES = ((ZERO,) * 3, (ZERO,) * 3)
+_LOOKS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where a seam is held against the limits."""
 
 
 class Motion(NamedTuple):
@@ -148,11 +146,10 @@ class Preview:
     def clear(self) -> None:
         """Forget every chunk."""
         self._knots: list[Knot] = []
-        self._waiting: list[Knot] = []
         self._piece: Piece | None = None
-        self._offset: Offset | None = None
         self._state: Motion | None = None
-        self._read_ns = self._switch_ns = 0
+        self._joins: Knot | None = None
+        self._read_ns = 0
         self._arrivals = Arrivals(1e9 * self._period)
         self.has_positions = False
         self.live = self.stale = self.starved = 0
@@ -169,7 +166,7 @@ class Preview:
     @property
     def end(self) -> Knot:
         """The last pose."""
-        return (self._waiting or self._knots)[-1]
+        return self._knots[-1]
 
     def is_continued(self, now_ns: int) -> bool:
         """Whether the next chunk is expected before the poses run out, and not overdue."""
@@ -203,81 +200,35 @@ class Preview:
             self.starved += not self._knots or self.end.time_ns <= sent_ns
             return "every pose of the chunk has passed"
         self._arrivals.note(self.end.time_ns if self._knots else None, sent_ns)
-        self.live = len(knots) - first
-        self._compare(knots[first], sent, sent_ns)
-        knots = list(knots[max(first - 1, 0) :])
-        state = self._state
-        if not self._knots or is_fresh or has_positions != self.has_positions or state is None:
-            self._offset, state = None, sent
-            self._read_ns = sent_ns
+        given = knots[max(first - 1, 0) :]
+        knots = [self._eased(knot) for knot in knots[first:]]
+        self.live = len(knots)
+        self._compare(knots[0], sent, sent_ns)
+        kept: list[Knot] = []
+        if self._knots and not is_fresh and has_positions == self.has_positions:
+            kept = self._kept(self._left_ns(knots), sent_ns)
         self.has_positions = has_positions
-        switch_ns = knots[0].time_ns - BRIDGE_NS
-        if state is not sent and switch_ns > self._read_ns:
-            # The curve before it stays until then, or to its end.
-            self._waiting, self._switch_ns = knots, min(switch_ns, self._knots[-1].time_ns)
+        start = kept.pop() if kept else self._knot_of(sent, sent_ns)
+        excess, piece = self._seam(start, knots)
+        if excess > 1.0 and len(given) > len(knots):
+            self._knots = list(given)
+            self._piece = self._joins = None
+            self._state, self._read_ns = self._motion_at(sent_ns), sent_ns
             return ""
-        self._take_over(knots, state)
+        if not kept:
+            self._state, self._read_ns = sent, sent_ns
+        self._joins = piece.there
+        after = bisect_right(knots, piece.there.time_ns, key=_time_of)
+        self._knots = [*kept, start, piece.there, *knots[after:]]
+        self._piece = None if kept else piece
         return ""
 
-    def _take_over(self, given: list[Knot], state: Motion) -> None:
-        """Continue with a curve from *state*, where the reference has been read."""
-        h, now_ns = self._period, self._read_ns
-        old, self._offset, self._waiting, self._piece = self._offset, None, [], None
-        knots = [self._eased(one) if one.time_ns > now_ns else one for one in given]
-        if knots[0].time_ns > now_ns:
-            piece = Piece(_knot_of(state, now_ns, h), knots[0])
-            needs = (self._need(piece, 0.25 * k, _NO_RATES) for k in range(5))
-            if knots[0].time_ns - now_ns >= BRIDGE_NS and max(needs) <= SHARES[-1]:
-                self._knots, self._state = [piece.here, *knots], state
-                return
-            given, knots = ([_before(each[0], now_ns), *each] for each in (given, knots))
-        self._knots = knots
-        now = [self._bare_at(now_ns - k * self._period_ns) for k in (2, 1, 0)]
-        pairs = list(zip(now, _past(state, h), strict=True))
-        ways = [plus(b[1], a[1], -1.0) for a, b in pairs]
-        offset = Offset([difference(a[0], b[0]) for a, b in pairs], ways, h, now_ns)
-        if self._fades(offset, 0.0 if old is None else (old.end_ns - now_ns) * 1e-9):
-            self._offset, self._state = offset, state
-        else:
-            self._knots, self._piece = given, None
-            self._state = self._motion_at(now_ns)
-
-    def _fades(self, offset: Offset, left: float) -> bool:
-        """Choose in which time an offset fades; return whether there is one within the limits.
-
-        The rest of the one before lasts *left* s; if the chunks agree, it keeps that time.
-        """
-        most = (self.end.time_ns - offset.begin_ns) * 1e-9
-        spans = [FADING]
-        while spans[-1] * LONGER < most:
-            spans.append(spans[-1] * LONGER)
-        trials = [(span, share) for share in SHARES for span in spans]
-        if left > FADING:
-            trials.insert(0, (left, SHARES[-1]))
-        for span, share in trials:
-            offset.last(span)
-            if span < most and self._is_within(share, offset):
-                return True
-        return False
-
-    def _is_within(self, share: float, offset: Offset) -> bool:
-        """Return whether the curve with an offset needs at most a share of every limit."""
-        for k in range(5):
-            time_ns = offset.begin_ns + k * (offset.end_ns - offset.begin_ns - 1) // 4
-            piece = self._piece_at(time_ns)
-            u = (time_ns - piece.here.time_ns) * 1e-9 / piece.span
-            if self._need(piece, u, offset.rates(time_ns)) > share:
-                return False
-        return True
-
-    def _need(self, piece: Piece, u: float, more: Sequence[Sequence[Vector3]]) -> float:
-        """Return the largest share of a limit that a piece needs at *u* with further rates."""
-        parts = [(self._turning, piece.turn), (self._moving, piece.way)]
-        need = 0.0
-        for (law, way), others in zip(parts[: 1 + self.has_positions], more, strict=False):
-            for k, (own, other) in enumerate(zip(way.derivatives(u), others, strict=True)):
-                need = max(need, law.share(k, plus(other, own, piece.span ** -(k + 1))))
-        return need
+    def _knot_of(self, sent: Motion, sent_ns: int) -> Knot:
+        """Return a setpoint as a knot, with the derivatives at its instant."""
+        half = 0.5 * self._period
+        velocity = plus(sent.velocity, sent.acceleration, half)
+        omega = plus(sent.omega, sent.alpha, half)
+        return Knot(sent_ns, sent.q, omega, sent.alpha, sent.position, velocity, sent.acceleration)
 
     def _eased(self, knot: Knot) -> Knot:
         """Return a knot no faster than the limits: a curve through an outlier swings less."""
@@ -298,33 +249,83 @@ class Preview:
             self.least_left_ns = left_ns
         if left_ns <= 0:
             self.starved += 1
-        q = sent.q if left_ns <= 0 else self._bare_at(knot.time_ns)[0]
+        q = sent.q if left_ns <= 0 else self._pose_at(knot.time_ns)[0]
         self.seam = max(self.seam, norm(difference(q, knot.q)))
 
-    def _piece_at(self, time_ns: int) -> Piece:
-        """Return the piece of the poses at an instant, or the first or last one beyond them."""
-        knots, piece = self._knots, self._piece
-        if piece is None or not piece.here.time_ns <= time_ns < piece.there.time_ns:
-            place = bisect_right(knots, time_ns, key=_time_of)
-            place = min(max(place, 1), len(knots) - 1)
-            self._piece = piece = Piece(knots[place - 1], knots[place])
-        return piece
+    def _left_ns(self, knots: Sequence[Knot]) -> int:
+        """Return until when the old curve stays: to the end of its seam if *knots* go by there."""
+        until_ns, joins = knots[0].time_ns - BRIDGE_NS, self._joins
+        if joins is None or not knots[0].time_ns <= joins.time_ns < knots[-1].time_ns:
+            return until_ns
+        place = bisect_right(knots, joins.time_ns, key=_time_of)
+        piece = Piece(knots[place - 1], knots[place])
+        (q, at), (q1, at1) = piece.at(joins.time_ns), piece.at(joins.time_ns + 1_000_000)
+        omega, bridge = plus(ZERO, difference(q, q1), 1e3), 1e-9 * BRIDGE_NS
+        gap = norm(difference(q, joins.q)) + bridge * norm(plus(omega, joins.omega, -1.0))
+        away = 0.0
+        if self.has_positions:
+            velocity = combine(at1, 1e3, at, -1e3)
+            away = norm(plus(at, joins.position, -1.0))
+            away += bridge * norm(plus(velocity, joins.velocity, -1.0))
+        return joins.time_ns if max(gap, away) < AGREEING else until_ns
 
-    def _bare_at(self, time_ns: int) -> tuple[Quaternion, Vector3]:
-        """Return orientation and position of the poses at an instant; the last ones after it."""
-        end = self._knots[-1]
-        if time_ns >= end.time_ns:
-            return end.q, end.position
-        return self._piece_at(time_ns).at(time_ns)
+    def _kept(self, until_ns: int, sent_ns: int) -> list[Knot]:
+        """Return the knots that stay of the old curve before *until_ns*, from that before now on.
+
+        Empty if none of them is still to come: the seam begins at what was sent then.
+        """
+        knots = self._knots
+        begin = max(bisect_right(knots, sent_ns, key=_time_of) - 1, 0)
+        end = bisect_right(knots, until_ns, key=_time_of)
+        return knots[begin:end] if end - begin > 1 else []
+
+    def _seam(self, start: Knot, knots: Sequence[Knot]) -> tuple[float, Piece]:
+        """Return the piece from *start* to the first knot from which on the limits are kept.
+
+        The number before it says how many times it needs a limit; if that is above 1, no piece
+        keeps the limits, and this one needs least.
+        """
+        earliest_ns = start.time_ns + BRIDGE_NS
+        place = min(bisect_right(knots, earliest_ns - 1, key=_time_of), len(knots) - 1)
+        found: tuple[float, Piece] | None = None
+        for knot in knots[place:]:
+            piece = Piece(start, knot)
+            excess = self._excess(piece)
+            if found is None or excess < found[0]:
+                found = excess, piece
+            if excess <= 1.0:
+                break
+        if found is None:
+            raise ValueError("a chunk has at least one pose")
+        return found
+
+    def _excess(self, piece: Piece) -> float:
+        """Return how many times a seam needs what it may use of any limit."""
+        excess = 0.0
+        for u in _LOOKS:
+            excess = max(excess, _need(self._turning, piece.turn, u, piece.span))
+            if self.has_positions:
+                excess = max(excess, _need(self._moving, piece.way, u, piece.span))
+        return excess
+
+    def _piece_at(self, time_ns: int) -> Piece:
+        """Return the piece of the curve at an instant, or the first or last one beyond its ends."""
+        piece, knots = self._piece, self._knots
+        if piece is not None and piece.here.time_ns <= time_ns < piece.there.time_ns:
+            return piece
+        place = bisect_right(knots, time_ns, key=_time_of)
+        place = min(max(place, 1), len(knots) - 1)
+        return Piece(knots[place - 1], knots[place])
 
     def _pose_at(self, time_ns: int) -> tuple[Quaternion, Vector3]:
-        """Return the same with the rest of the offset."""
-        q, position = self._bare_at(time_ns)
-        offset = self._offset
-        if offset is None or time_ns >= offset.end_ns:
-            return q, position
-        turn, way = offset.at(time_ns)
-        return multiply(q, exp(turn)), plus(position, way, 1.0)
+        """Return orientation and position of the curve at an instant; the last ones after it."""
+        end = self.end
+        if time_ns >= end.time_ns:
+            return end.q, end.position
+        piece = self._piece_at(time_ns)
+        if time_ns < self._read_ns + 2 * self._period_ns:
+            self._piece = piece
+        return piece.at(time_ns)
 
     def at(self, now_ns: int) -> PreviewState:
         """Return the reference at the setpoint before *now_ns*, and how it continues to there.
@@ -335,9 +336,6 @@ class Preview:
         if before is None:
             raise ValueError("no chunk has come")
         # The guard takes every cycle for a period, and deadlines may shift a little.
-        if self._waiting and self._read_ns >= self._switch_ns:
-            self._take_over(self._waiting, before)
-            before = self._state or before
         late_ns = now_ns - self._read_ns - self._period_ns
         if abs(late_ns) > self._period_ns:
             before, self._read_ns = self._motion_at(now_ns - self._period_ns), now_ns
@@ -364,84 +362,12 @@ class Preview:
         return Motion(q2, omega, alpha, p2, velocity, acceleration)
 
 
-class Offset:
-    """The rest of the motion before a chunk, relative to the curve of the chunk; it fades.
-
-    Attributes:
-        begin_ns: when it begins.
-        end_ns: time from which it is nothing.
-    """
-
-    def __init__(
-        self, turns: Sequence[Vector3], ways: Sequence[Vector3], h: float, begin_ns: int
-    ) -> None:
-        """Begin with the values of three successive setpoints, *h* s apart, at *begin_ns*."""
-        self._begin = _differences(turns, h), _differences(ways, h)
-        self.begin_ns = begin_ns
-        self.last(FADING)
-
-    def last(self, seconds: float) -> None:
-        """Fade within *seconds*."""
-        self._span = seconds
-        self.end_ns = self.begin_ns + round(1e9 * seconds)
-        self._fading = [
-            quintic(
-                plus(ZERO, gap, -1.0),
-                plus(ZERO, rate, seconds),
-                plus(ZERO, change, seconds * seconds),
-                ZERO,
-                ZERO,
-            )
-            for gap, rate, change in self._begin
-        ]
-
-    def at(self, time_ns: int) -> tuple[Vector3, Vector3]:
-        """Return turn and displacement at an instant before its end."""
-        u = (time_ns - self.begin_ns) * 1e-9 / self._span
-        pairs = zip(self._begin, self._fading, strict=True)
-        turn, way = (plus(begin[0], fading.value(u), 1.0) for begin, fading in pairs)
-        return turn, way
-
-    def rates(self, time_ns: int) -> list[list[Vector3]]:
-        """Return the first three derivatives of turn and displacement at an instant."""
-        u = (time_ns - self.begin_ns) * 1e-9 / self._span
-        return [
-            [plus(ZERO, rate, self._span ** -(k + 1)) for k, rate in enumerate(one.derivatives(u))]
-            for one in self._fading
-        ]
-
-
-def _differences(values: Sequence[Vector3], h: float) -> tuple[Vector3, ...]:
-    """Return the last of three values, and the first two derivatives there."""
-    a, b, c = values
-    rate = plus(combine(c, 1.5 / h, b, -2.0 / h), a, 0.5 / h)
-    return c, rate, plus(combine(c, 1.0 / h / h, b, -2.0 / h / h), a, 1.0 / h / h)
-
-
-def _past(state: Motion, h: float) -> list[tuple[Quaternion, Vector3]]:
-    """Return the poses of a state, and of one and two cycles before it, the oldest first."""
-    q, position, omega, velocity = state.q, state.position, state.omega, state.velocity
-    poses = [(q, position)]
-    for _ in range(2):
-        q, position = multiply(q, exp(plus(ZERO, omega, -h))), plus(position, velocity, -h)
-        poses.append((q, position))
-        omega, velocity = plus(omega, state.alpha, -h), plus(velocity, state.acceleration, -h)
-    return poses[::-1]
-
-
-def _knot_of(state: Motion, time_ns: int, h: float) -> Knot:
-    """Return a state as a knot, with the derivatives at its instant."""
-    velocity = plus(state.velocity, state.acceleration, 0.5 * h)
-    omega = plus(state.omega, state.alpha, 0.5 * h)
-    at = state.position, velocity, state.acceleration
-    return Knot(time_ns, state.q, omega, state.alpha, *at)
-
-
-def _before(knot: Knot, time_ns: int) -> Knot:
-    """Return where a motion of constant velocity to a knot is before that."""
-    t = (time_ns - knot.time_ns) * 1e-9
-    q = multiply(knot.q, exp(plus(ZERO, knot.omega, t)))
-    return Knot(time_ns, q, knot.omega, ZERO, plus(knot.position, knot.velocity, t), knot.velocity)
+def _need(law: Law, way: Quintic, u: float, span: float) -> float:
+    """Return how many times a way of *span* s needs at *u* what a seam may use of any limit."""
+    velocity, acceleration, jerk = (
+        law.share(k, rate) / span ** (k + 1) for k, rate in enumerate(way.derivatives(u))
+    )
+    return max(velocity / SHARE, acceleration / SHARE, jerk)
 
 
 def _time_of(knot: Knot) -> int:
