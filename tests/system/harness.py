@@ -304,14 +304,16 @@ class DaemonProcess:
         paths = [str(folder), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
         self.environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
 
-    def start(self) -> None:
-        """Start the daemon and wait until it is ready."""
+    def start(self, *, takes_lease: bool = True) -> None:
+        """Start the daemon, wait until it is ready, and take the lease of its devices."""
         self.log = (self.folder / "log").open("ab")
         self.process = MACHINE.start_daemon(self)
         try:
             self.channel = channel_to(self.socket)
             self.stub = control_stub(self.channel)
-            self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
+            if takes_lease:
+                request = pb.AcquireLeaseRequest(holder="test")
+                self.token = self.stub.AcquireLease(request).lease.token
         except BaseException:
             # If a test cannot begin, its end does not stop the daemon either.
             self.process.kill()
