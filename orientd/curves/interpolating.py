@@ -163,7 +163,8 @@ class C2Cumulative(Product, WithEndStates):
 
     Args:
         turns: whole turns to add between each keyframe and the next, about the axis of the turn
-            between them.
+            between them.  With two or more the curve also passes an orientation after each part of
+            the turn.
 
     Raises:
         PlanError: the search found no curve.  This does not happen for steps below 178 degrees with
@@ -210,7 +211,8 @@ class KksInterpolating(Product, WithEndStates):
             zero by default.
         alpha_end: body angular acceleration at the last keyframe.
         turns: whole turns to add between each keyframe and the next, about the axis of the turn
-            between them; a fast end can use some to slow down.
+            between them; a fast end can use some to slow down.  With two or more the curve also
+            passes an orientation after each part of the turn.
 
     Raises:
         PlanError: the search found no curve.  This may happen for ends of more than 20 rad/s over

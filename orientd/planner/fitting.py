@@ -36,18 +36,11 @@ from orientd.planner.job import certificate_of
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.planner.planning import plan
-from orientd.planner.refusal import check_total
+from orientd.planner.refusal import POWERS, check_total
 from orientd.planner.state import State
 from orientd.planner.timing.axes import Axes
 from orientd.rotation import Floats, angle
 
-_POWERS = {
-    LimitKind.VELOCITY: 1,
-    LimitKind.ACCELERATION: 2,
-    LimitKind.JERK: 3,
-    LimitKind.TIME: 1,
-}
-"""Exponents by which limited quantities fall with the speed; a stop also takes less time."""
 _STEP = 0.8
 _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
@@ -217,7 +210,7 @@ class Fitting:
         except LimitError as error:
             if error.kind is LimitKind.RANGE or self._keeps_times(motion):
                 raise
-            is_fixed = motion.request.times is not None or error.kind not in _POWERS
+            is_fixed = motion.request.times is not None or error.kind not in POWERS
             # A pace cannot change the state that the previous motion leaves.  Searching for a later
             # pace would take too long.
             is_given = not self.start.is_at_rest and error.time < _GIVEN and not is_fixed
@@ -252,7 +245,7 @@ class Fitting:
         refused, fits = 1.0, 0.0
         for _ in range(_ATTEMPTS):
             if fitted is None:
-                need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.kind])
+                need = (worst.limit / worst.value) ** (1.0 / POWERS[worst.kind])
                 speed *= max(min(need, _STEP), 0.5)
                 if speed < least:
                     raise refusal
@@ -268,7 +261,7 @@ class Fitting:
             except PlanError as error:
                 refused = speed
                 if fitted is None:
-                    if not isinstance(error, LimitError) or error.kind not in _POWERS:
+                    if not isinstance(error, LimitError) or error.kind not in POWERS:
                         raise refusal from error
                     worst = error
                 continue

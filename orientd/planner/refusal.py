@@ -28,8 +28,13 @@ SAME_ACCELERATION = 1e-4  # of the limit
 _ROUNDING = 1e-6  # relative, of a peak against its limit
 _ROOM = 1.02  # times the shortest duration that is suggested
 
-_POWERS = {LimitKind.VELOCITY: 1, LimitKind.ACCELERATION: 2, LimitKind.JERK: 3}
-"""Exponents by which rates fall when a motion takes longer."""
+POWERS = {
+    LimitKind.VELOCITY: 1,
+    LimitKind.ACCELERATION: 2,
+    LimitKind.JERK: 3,
+    LimitKind.TIME: 1,
+}
+"""Exponents by which quantities fall when a motion takes longer; its stops take less time too."""
 
 _QUANTITIES = {
     "velocity": "angular velocity",
@@ -285,7 +290,7 @@ def _check_axes(peaks: Peaks, place: Place) -> None:
 
 def _longer(kind: LimitKind, over: float) -> float:
     """Return the factor by which a motion must take longer for a rate to fall by a factor."""
-    return over ** (1.0 / _POWERS[kind]) if math.isfinite(over) else math.inf
+    return over ** (1.0 / POWERS[kind]) if math.isfinite(over) else math.inf
 
 
 def check_stop(peaks: Peaks, place: Place, limits: Limits) -> None:

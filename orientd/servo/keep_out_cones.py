@@ -24,8 +24,8 @@ MOST_DRIFT = 0.0175
 SLACK = 5e-5
 """Angle inside a cone that the guard tolerates, rad: 0.003 degrees, for a cone that moves."""
 
-SAME_ANGLE = 1e-9
-"""Largest difference of equal angles, rad: joints are found for a pose no more exactly."""
+SAME_ANGLE = 1e-12
+"""Largest difference of equal angles, rad: poses of joints have that much rounding."""
 
 
 class KeepOutCones:
