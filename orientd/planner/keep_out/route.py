@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.driver import Vector3
+from orientd.keep_out.tangents import Circle, Route, shortest_route
 from orientd.planner.keep_out.clearance import angles, unit
-from orientd.planner.keep_out.sphere import Circle, Route, shortest_route
 from orientd.rotation import Floats, angle, between, exp, log, multiply, rotate, slerp
 
 POINTS = 33
@@ -82,9 +83,9 @@ def paths(
     Returns:
         Each of shape ``(POINTS, 4)``; empty if there is no route.
     """
-    circles = [Circle(one.direction, one.radius) for one in obstacles if one.axis is axis]
+    circles = [Circle(_vector(one.direction), one.radius) for one in obstacles if one.axis is axis]
     found: list[tuple[float, Floats]] = []
-    for route in _routes(rotate(q0, axis), rotate(q1, axis), circles):
+    for route in _routes(_vector(rotate(q0, axis)), _vector(rotate(q1, axis)), circles):
         for path in _lifted(q0, None if is_roll_free else q1, axis, route):
             relaxed = _relaxed(path, obstacles)
             found.append((float(np.sum(angle(relaxed[:-1], relaxed[1:]))), relaxed))
@@ -92,7 +93,12 @@ def paths(
     return [path for length, path in found if length <= _WORTH * found[0][0]]
 
 
-def _routes(begin: Floats, end: Floats, circles: Sequence[Circle]) -> Iterator[Route]:
+def _vector(values: Floats) -> Vector3:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _routes(begin: Vector3, end: Vector3, circles: Sequence[Circle]) -> Iterator[Route]:
     """Yield the shortest route, and others that pass one of its circles on the other side."""
     first = shortest_route(begin, end, circles)
     if first is None:
@@ -109,7 +115,7 @@ def _lifted(q0: Floats, q1: Floats | None, axis: Floats, route: Route) -> Iterat
 
     Without a last orientation *q1* there is no twist.
     """
-    points = route.points
+    points = np.array(route.points())
     steps = _least_turns(points[:-1], points[1:])
     carried = [q0]
     for step in steps:

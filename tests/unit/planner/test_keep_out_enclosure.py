@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from orientd import keep_out
-from orientd.keep_out import KeepOut
+from orientd.keep_out import KeepOut, cone
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.planner.keep_out.clearance import Cones, rates_between
 from orientd.rotation import exp, multiply
@@ -66,7 +65,7 @@ class FastSun(Sun):
 def test_the_clearance_between_two_records_counts_the_motion_of_the_sun(monkeypatch, elevation):
     """The tool stands still; between two records the sun passes it."""
     # Its direction is interpolated along chords of a second, in whose middle it is quicker.
-    monkeypatch.setattr(keep_out, "FASTEST_SUN", 2.0 * math.tan(0.5 * RATE))
+    monkeypatch.setattr(cone, "FASTEST_SUN", 2.0 * math.tan(0.5 * RATE))
     still = Keyframe(azimuth_elevation={"azimuth": 0.0, "elevation": elevation}).q
     request = MotionRequest([Keyframe(still, time=0.0), Keyframe(still, time=2.0)])
     motion = plan(request, start=State.at_rest(still), limits=DEFAULT_LIMITS, period=0.02)

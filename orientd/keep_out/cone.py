@@ -1,7 +1,4 @@
-"""Keep-out cones: directions in the world that an axis of the tool must not point at.
-
-Planner and servo use the same value, so it holds plain floats.
-"""
+"""Keep-out cones: directions in the world that an axis of the tool must not point at."""
 
 from __future__ import annotations
 

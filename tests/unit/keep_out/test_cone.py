@@ -15,7 +15,7 @@ from orientd.planner import Keyframe
 from orientd.rotation import exp
 from orientd.sun import Sun
 
-SUN = json.loads((Path(__file__).parents[1] / "data" / "sun" / "sun.json").read_text())
+SUN = json.loads((Path(__file__).parents[2] / "data" / "sun" / "sun.json").read_text())
 
 
 def separation(a, b):
