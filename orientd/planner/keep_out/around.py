@@ -19,12 +19,7 @@ from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.job import certified
 from orientd.planner.keep_out.clearance import Cones
 from orientd.planner.keep_out.detour import Detour
-from orientd.planner.keep_out.route import (
-    POINTS,
-    Obstacle,
-    keyframes_along,
-    paths,
-)
+from orientd.planner.keep_out.route import POINTS, Obstacle, keyframes_along, shortest_path
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path
 from orientd.planner.state import State
@@ -40,7 +35,6 @@ RESERVE = math.radians(0.1)
 _ROUNDS = 14  # plans until a curve keeps clear
 _PUSH = 1.15  # times the depth of a curve in a cone
 _NEAR = 0.3  # share of an interval within which a keyframe is moved rather than one added
-_MOST_ROUTES = 6
 _SAME = 1.0 - 1e-9  # cosine between an axis and the pointing axis
 _EVERY = 4  # points of a path between two keyframes, if fewer do not keep clear
 _EXIT = math.radians(2.0)  # distance from the edge of the first keyframe outside
@@ -185,7 +179,7 @@ class Around:
             )
 
     def _led(self, direct: Detour, motion: Motion, *, turns: bool) -> Motion:
-        """Return the quickest motion found around the cones that a motion crosses.
+        """Return a motion around the cones that a motion crosses.
 
         Raises:
             PlanError: there is none.
@@ -197,16 +191,13 @@ class Around:
         is_fixed = request.times is not None or request.start_velocity is not None
         if is_fixed and self._legs(direct, motion, short)[0] == 0:
             return self._led_in(request, names)
-        routes, dense = self._routes(direct, motion, short, names)
-        found = [one for one in map(self._cleared, routes) if one is not None]
-        if not found:
-            found = [one for one in (self._cleared(dense),) if one is not None]
-        if not found:
-            raise PlanError(
-                f"the motion crosses {names}, and no motion around was found: {self._refused}"
-            )
-        detour, motion = min(found, key=lambda one: one[1].duration)
-        return detour.restored(motion).noted(f"led around {names}")
+        for detour in self._detours(direct, motion, short, names):
+            found = self._cleared(detour)
+            if found is not None:
+                return found.noted(f"led around {names}")
+        raise PlanError(
+            f"the motion crosses {names}, and no motion around was found: {self._refused}"
+        )
 
     def _led_in(self, request: MotionRequest, names: str) -> Motion:
         """Return the motion with a lead-in of its own around cones.
@@ -240,15 +231,15 @@ class Around:
         middles = motion.period * (np.flatnonzero(short.min(axis=0) < 0.0) + 0.5)
         return sorted(set(np.searchsorted(detour.own_times(motion), middles).tolist()))
 
-    def _routes(
+    def _detours(
         self, direct: Detour, motion: Motion, short: Floats, names: str
-    ) -> tuple[list[Detour], Detour]:
-        """Return detours on the different sides of the cones, and one with many keyframes.
+    ) -> tuple[Detour, Detour]:
+        """Return a detour with few keyframes in each leg that enters a cone, and one with many.
 
         Raises:
             PlanError: there is no route.
         """
-        found, dense = [direct], direct
+        few, many = direct, direct
         ends = direct.own_times(motion)
         owners = np.searchsorted(ends, motion.period * (np.arange(short.shape[1]) + 0.5))
         for leg in self._legs(direct, motion, short):
@@ -260,20 +251,18 @@ class Around:
             axis = obstacles[int(np.argmin(short[:, owners == leg].min(axis=1)))].axis
             points = rotate(last, "xyz".index(direct.request.pointing_axis) == np.arange(3))
             is_free = self._is_roll_free and float(rotate(last, axis) @ points) > _SAME
-            routes = paths(first, last, obstacles, axis, is_roll_free=is_free)
-            if not routes:
+            path = shortest_path(first, last, obstacles, axis, is_roll_free=is_free)
+            if path is None:
                 place = "the start" if leg == 0 else f"keyframes[{leg - 1}]"
                 raise PlanError(
                     f"there is no route from {place} to keyframes[{leg}] outside of {names}"
                 )
             # The curve finds its own way out of a cone, faster than by a keyframe at the edge.
-            every = [keyframes_along(route, obstacles) for route in routes]
-            found = [one.with_added(leg, keys) for one in found for keys in every][:_MOST_ROUTES]
-            dense = dense.with_added(leg, [*exits, *routes[0][_EVERY : POINTS - 1 : _EVERY]])
+            few = few.with_added(leg, keyframes_along(path, obstacles))
+            many = many.with_added(leg, [*exits, *path[_EVERY : POINTS - 1 : _EVERY]])
             if is_free:
-                found = [one.ending(path[-1]) for one, path in zip(found, routes, strict=False)]
-                dense = dense.ending(routes[0][-1])
-        return found, dense
+                few, many = few.ending(path[-1]), many.ending(path[-1])
+        return few, many
 
     def _exits(self, q: Floats, time: float) -> list[Floats]:
         """Return the orientation straight outside if the device is inside a cone."""
@@ -304,8 +293,8 @@ class Around:
             found.append(replace(edge, radius=radius))
         return found
 
-    def _cleared(self, detour: Detour) -> tuple[Detour, Motion] | None:
-        """Return the detour with its keyframes moved or added until its motion keeps clear."""
+    def _cleared(self, detour: Detour) -> Motion | None:
+        """Return the motion of a detour with keyframes moved or added until it keeps clear."""
         for _ in range(_ROUNDS):
             try:
                 motion = self.plan(detour.whole())
@@ -314,7 +303,7 @@ class Around:
                 return None
             short = self._short(detour, motion)
             if float(short.min()) >= 0.0:
-                return detour, motion
+                return detour.restored(motion)
             detour = self._pushed(detour, motion, short)
         self._refused = "the curve through further keyframes swings inside"
         return None

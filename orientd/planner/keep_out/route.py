@@ -20,12 +20,10 @@ from orientd.keep_out.tangents import Circle, Route, shortest_route
 from orientd.planner.keep_out.clearance import angles, unit
 from orientd.rotation import Floats, angle, between, exp, log, multiply, rotate, slerp
 
-POINTS = 33
+POINTS = 17
 """Points of a relaxed path, both ends included."""
 
-_SWEEPS = 120
-_LONGER = 1.6  # times the shortest route: another one is not worth a plan
-_WORTH = 1.25  # the same, of relaxed paths
+_SWEEPS = 40
 _POLE = 1e-9
 _STEP = math.radians(28.0)
 """Longest arc of contact for one keyframe."""
@@ -63,34 +61,46 @@ class Obstacle:
         return multiply(exp(normal / size * np.asarray(far)[..., None]), q)
 
 
-def paths(
+def shortest_path(
     q0: Floats,
     q1: Floats,
     obstacles: Sequence[Obstacle],
     axis: Floats,
     *,
     is_roll_free: bool = False,
-) -> list[Floats]:
-    """Return paths from one orientation to another outside of obstacles, the shortest first.
+) -> Floats | None:
+    """Return the shortest path found from one orientation to another outside of obstacles.
 
     Args:
         q0: the first orientation.
         q1: the last one.
         obstacles: both ends are outside of them.
         axis: of the tool, to lead around the obstacles of this axis.
-        is_roll_free: whether the paths may end with any turn about the axis.
+        is_roll_free: whether the path may end with any turn about the axis.
 
     Returns:
-        Each of shape ``(POINTS, 4)``; empty if there is no route.
+        Shape ``(POINTS, 4)``; ``None`` if there is no route.
     """
     circles = [Circle(_vector(one.direction), one.radius) for one in obstacles if one.axis is axis]
-    found: list[tuple[float, Floats]] = []
-    for route in _routes(_vector(rotate(q0, axis)), _vector(rotate(q1, axis)), circles):
-        for path in _lifted(q0, None if is_roll_free else q1, axis, route):
-            relaxed = _relaxed(path, obstacles)
-            found.append((float(np.sum(angle(relaxed[:-1], relaxed[1:]))), relaxed))
-    found.sort(key=lambda one: one[0])
-    return [path for length, path in found if length <= _WORTH * found[0][0]]
+    end = None if is_roll_free else q1
+    found = (
+        _relaxed(path, obstacles)
+        for route in _routes(_vector(rotate(q0, axis)), _vector(rotate(q1, axis)), circles)
+        for path in _lifted(q0, end, axis, np.array(route.points()))
+    )
+    return min(found, key=_length, default=None)
+
+
+def _routes(begin: Vector3, end: Vector3, circles: Sequence[Circle]) -> Iterator[Route]:
+    """Yield the shortest route, and those that pass one of its circles on the other side."""
+    first = shortest_route(begin, end, circles)
+    if first is None:
+        return
+    yield first
+    for side in first.sides:
+        other = shortest_route(begin, end, circles, banned=(side,))
+        if other is not None:
+            yield other
 
 
 def _vector(values: Floats) -> Vector3:
@@ -98,24 +108,15 @@ def _vector(values: Floats) -> Vector3:
     return x, y, z
 
 
-def _routes(begin: Vector3, end: Vector3, circles: Sequence[Circle]) -> Iterator[Route]:
-    """Yield the shortest route, and others that pass one of its circles on the other side."""
-    first = shortest_route(begin, end, circles)
-    if first is None:
-        return
-    yield first
-    for side in first.sides:
-        other = shortest_route(begin, end, circles, banned=(side,))
-        if other is not None and other.length <= _LONGER * first.length + _STEP:
-            yield other
+def _length(path: Floats) -> float:
+    return float(np.sum(angle(path[:-1], path[1:])))
 
 
-def _lifted(q0: Floats, q1: Floats | None, axis: Floats, route: Route) -> Iterator[Floats]:
-    """Yield orientations along a route with the twist spread evenly, the lesser twist first.
+def _lifted(q0: Floats, q1: Floats | None, axis: Floats, points: Floats) -> Iterator[Floats]:
+    """Yield orientations along points on the sphere with the twist spread evenly, the lesser first.
 
     Without a last orientation *q1* there is no twist.
     """
-    points = np.array(route.points())
     steps = _least_turns(points[:-1], points[1:])
     carried = [q0]
     for step in steps:
@@ -195,7 +196,7 @@ def keyframes_along(path: Floats, obstacles: Sequence[Obstacle]) -> list[Floats]
     is_near[[0, -1]] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], is_near.astype(int), [0]])))
     found: list[Floats] = []
-    length = float(np.sum(angle(path[:-1], path[1:])))
+    length = _length(path)
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         count = max(1, round((end - begin) / (POINTS - 1) * length / _STEP))
         for k in range(count):
