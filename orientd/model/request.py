@@ -194,6 +194,8 @@ class Keyframe:
 
     note: ClassVar[str] = ""
     """The certificate's note on how the orientation was read, without the keyframe."""
+    is_added: ClassVar[bool] = False
+    """Whether the planner has added it to the user's keyframes."""
 
     q: Quaternion = Field(default=_NONE, validation_alias="quaternion")
     rotation_vector: Vector3 | None = Field(default=None, kw_only=True, repr=False)
@@ -420,6 +422,12 @@ class MotionRequest:
     def total(self) -> float | None:
         """The requested duration in seconds, or ``None``."""
         return None if isinstance(self.duration, str) else self.duration
+
+    def named(self, index: int) -> str:
+        """Return what the user calls a keyframe: by its index among those of the user."""
+        if self.keyframes[index].is_added:
+            return "a keyframe added around a cone"
+        return f"keyframes[{sum(not one.is_added for one in self.keyframes[:index])}]"
 
     def _check_pace(self) -> None:
         for name in ("duration", "pace"):

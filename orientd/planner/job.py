@@ -399,7 +399,7 @@ class PlanJob:
         """
         if self.axes is None:
             return NO_AXES
-        near, place = self.joints_at(path.first), partial(refusal.between, path.times)
+        near, place = self.joints_at(path.first), partial(refusal.between, self.request, path.times)
         return self.axes.along(path, near, self.limits, self.period, place=place)
 
     def joints_at(self, first: State) -> Joints:

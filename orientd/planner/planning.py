@@ -430,7 +430,7 @@ def _as_timed(job: PlanJob, _: Limits) -> KeyframePath:
     times = job.request.times - job.request.times[0]
     duration = float(times[-1])
     refusal.check_duration(duration)
-    refusal.check_intervals(times)
+    refusal.check_intervals(job.request, times)
     return job.path(Knots(times, np.arange(len(times))), duration)
 
 

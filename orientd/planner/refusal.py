@@ -62,14 +62,14 @@ def check_duration(duration: float) -> None:
         raise PlanError(f"the keyframes take {duration:.6g} s, at most {LONGEST:g} s is planned")
 
 
-def check_intervals(times: Floats) -> None:
+def check_intervals(request: MotionRequest, times: Floats) -> None:
     """Raise :class:`.PlanError` for an interval too short for any clock."""
     steps = np.diff(times)
     index = int(np.argmin(steps))
     if not steps[index] >= SHORTEST_INTERVAL:
         raise PlanError(
-            f"keyframes[{index + 1}] follows keyframes[{index}] after {steps[index]:.3g} s, at "
-            f"least {SHORTEST_INTERVAL:g} s is planned"
+            f"{request.named(index + 1)} follows {request.named(index)} after "
+            f"{steps[index]:.3g} s, at least {SHORTEST_INTERVAL:g} s is planned"
         )
 
 
@@ -186,22 +186,23 @@ class Place:
             return "in the lead-in"
         if time > self.end:
             return "in the lead-out"
-        place = between(self.times, time)
+        place = between(self.request, self.times, time)
         if self.request.times is None:
             return place
         return f"{place}, at {time - self.begin + self.request.times[0]:.6g} s of their time"
 
 
-def between(times: Floats, time: float) -> str:
+def between(request: MotionRequest, times: Floats, time: float) -> str:
     """Return between which keyframes a path is.
 
     Args:
+        request: has the keyframes.
         times: path times of the keyframes, s.
         time: of the path, s.
     """
     index = int(np.searchsorted(times, time, side="right")) - 1
     index = max(min(index, len(times) - 2), 0)
-    return f"between keyframes[{index}] and keyframes[{index + 1}]"
+    return f"between {request.named(index)} and {request.named(index + 1)}"
 
 
 def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:

@@ -69,9 +69,10 @@ def _on_turns(motion: Motion) -> list[str]:
     if not len(parts):
         return []
     part = int(parts[np.argmax(further[parts])])
-    place = f"between keyframes[{part - 1}] and keyframes[{part}]"
     if part in (0, len(further) - 1):
         place = "in the lead-in" if part == 0 else "in the lead-out"
+    else:
+        place = f"between {motion.request.named(part - 1)} and {motion.request.named(part)}"
     far = float(further[part])
     others = f", and far more in {len(parts) - 1} other parts" if len(parts) > 1 else ""
     return [

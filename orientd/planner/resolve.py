@@ -233,8 +233,8 @@ def half_turn_notes(request: MotionRequest, start: State) -> list[str]:
         way = "`turns: -1` there" if can else "a keyframe on the way"
         axis = _axis_in_words(keys[index - 1] if index else start.q, keys[index])
         notes.append(
-            f"keyframes[{index}] is half a turn away: turned about {axis} in the body frame; {way} "
-            "chooses the other way"
+            f"{request.named(index)} is half a turn away: turned about {axis} in the body frame; "
+            f"{way} chooses the other way"
         )
     if len(places) > _MOST_NOTES:
         more = len(places) - _MOST_NOTES

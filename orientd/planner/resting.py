@@ -104,8 +104,8 @@ def moves(job: PlanJob) -> KeyframePath:
             time = float(request.times[index] - request.times[index - 1])
             if leg.duration > time:
                 raise PlanError(
-                    f"the single move to keyframes[{index}] takes {leg.duration:.4g} s, its times "
-                    f"leave {time:.4g} s"
+                    f"the single move to {request.named(index)} takes {leg.duration:.4g} s, its "
+                    f"times leave {time:.4g} s"
                 )
             leg = _lasting(leg, one, time)
         legs.append(leg)
@@ -213,14 +213,14 @@ def resting(job: PlanJob, plan_it: Planned, *, is_connected: bool = True) -> Key
     passed = begin + inner.times if times is None else times
     passed = np.concatenate([np.zeros(first), passed, np.zeros(len(states) - end)])
     passed[0], passed[-1] = 0.0, whole
-    note = _connects({first, end - 1} - {0, len(states) - 1}) if is_connected else BRAKES
+    note = _connects(request, {first, end - 1} - {0, len(states) - 1}) if is_connected else BRAKES
     legs = head, pauses[0], inner, pauses[1], tail
     return KeyframePath.joined(legs, passed, (note, *inner.notes))
 
 
-def _connects(stops: set[int]) -> str:
+def _connects(request: MotionRequest, stops: set[int]) -> str:
     """Return the note on connectors, and the keyframes at which they stop."""
-    names = " and ".join(f"keyframes[{one}]" for one in sorted(stops))
+    names = " and ".join(map(request.named, sorted(stops)))
     return (
         f"stops at {names}: no quicker curve through all keyframes was found" if names else CONNECTS
     )

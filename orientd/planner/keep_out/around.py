@@ -18,7 +18,13 @@ from orientd.errors import PlanError
 from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.job import certified
 from orientd.planner.keep_out.clearance import Cones
-from orientd.planner.keep_out.detour import Detour
+from orientd.planner.keep_out.corners import (
+    own,
+    own_times,
+    restored,
+    with_corners,
+    with_orientation,
+)
 from orientd.planner.keep_out.route import POINTS, Obstacle, keyframes_along, shortest_path
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path
@@ -81,7 +87,7 @@ class Around:
         turns = self.is_turn or any(keyframe.turns for keyframe in request.keyframes)
         # The planner divides turns by keyframes of its own.
         notes = [] if turns else self._check_keyframes(motion)
-        direct = Detour.of(motion.request, self.start)
+        direct = motion.request
         short = self._short(direct, motion)
         if float(short.min()) >= 0.0:
             return self.cones.certified(motion, request).noted(*notes)
@@ -96,7 +102,7 @@ class Around:
             found = motion if is_outside else self._led(direct, motion, turns=turns)
         return self.cones.certified(found, request).noted(*notes)
 
-    def _short(self, detour: Detour, motion: Motion) -> Floats:
+    def _short(self, request: MotionRequest, motion: Motion) -> Floats:
         """Return by how much a motion is clearer of each cone than it has to be, rad.
 
         It keeps out of a margin in legs whose ends are both outside of it.
@@ -107,10 +113,11 @@ class Around:
         bounds = self.cones.bounds(motion)
         if not any(cone.margin for cone in self.cones.cones) or not self._margins:
             return bounds
-        ends = detour.own_times(motion)
+        ends = own_times(request, motion)
         middles = motion.period * (np.arange(bounds.shape[1]) + 0.5)
         legs = np.searchsorted(ends, middles)
-        keys = np.array([self.start.q, *detour.request.keys, detour.request.keys[-1]])
+        mine = request.keys[own(request)]
+        keys = np.array([self.start.q, *mine, mine[-1]])
         times = np.array([0.0, *ends, motion.duration])
         clear = self.cones.clearances(keys, times)
         for row, cone, at in zip(bounds, self.cones.cones, clear, strict=True):
@@ -154,10 +161,10 @@ class Around:
         return "keep-out " + " and ".join(names)
 
     def _check_can_lead(
-        self, direct: Detour, motion: Motion, short: Floats, names: str, *, turns: bool
+        self, request: MotionRequest, motion: Motion, short: Floats, names: str, *, turns: bool
     ) -> None:
         """Raise :class:`.PlanError` if the request has no other route that can be planned."""
-        request, legs = direct.request, self._legs(direct, motion, short)
+        legs = self._legs(request, motion, short)
         if self.has_slews and (legs[0] == 0 or _is_off_path(motion, short)):
             raise PlanError(
                 f"the axes would slew through {names}, and there is no way around; begin elsewhere "
@@ -178,20 +185,19 @@ class Around:
                 "further keyframes around it: take the default method"
             )
 
-    def _led(self, direct: Detour, motion: Motion, *, turns: bool) -> Motion:
+    def _led(self, request: MotionRequest, motion: Motion, *, turns: bool) -> Motion:
         """Return a motion around the cones that a motion crosses.
 
         Raises:
             PlanError: there is none.
         """
-        short = self._short(direct, motion)
+        short = self._short(request, motion)
         names = self._named(short)
-        self._check_can_lead(direct, motion, short, names, turns=turns)
-        request = direct.request
+        self._check_can_lead(request, motion, short, names, turns=turns)
         is_fixed = request.times is not None or request.start_velocity is not None
-        if is_fixed and self._legs(direct, motion, short)[0] == 0:
+        if is_fixed and self._legs(request, motion, short)[0] == 0:
             return self._led_in(request, names)
-        for detour in self._detours(direct, motion, short, names):
+        for detour in self._detours(request, motion, short, names):
             found = self._cleared(detour)
             if found is not None:
                 return found.noted(f"led around {names}")
@@ -226,30 +232,34 @@ class Around:
             raise PlanError(f"the lead-in crosses {names} where the axes turn")
         return motion.noted(f"led around {names} to its first keyframe")
 
-    def _legs(self, detour: Detour, motion: Motion, short: Floats) -> list[int]:
-        """Return the legs in which a motion is inside a cone."""
+    def _legs(self, request: MotionRequest, motion: Motion, short: Floats) -> list[int]:
+        """Return the legs in which a motion is inside a cone.
+
+        A leg leads to a keyframe of the user: leg 0 from the state of the device to the first one.
+        """
         middles = motion.period * (np.flatnonzero(short.min(axis=0) < 0.0) + 0.5)
-        return sorted(set(np.searchsorted(detour.own_times(motion), middles).tolist()))
+        return sorted(set(np.searchsorted(own_times(request, motion), middles).tolist()))
 
     def _detours(
-        self, direct: Detour, motion: Motion, short: Floats, names: str
-    ) -> tuple[Detour, Detour]:
-        """Return a detour with few keyframes in each leg that enters a cone, and one with many.
+        self, request: MotionRequest, motion: Motion, short: Floats, names: str
+    ) -> tuple[MotionRequest, MotionRequest]:
+        """Return the request with few corners in each leg that enters a cone, and with many.
 
         Raises:
             PlanError: there is no route.
         """
-        few, many = direct, direct
-        ends = direct.own_times(motion)
+        few: list[tuple[int, Floats]] = []
+        many: list[tuple[int, Floats]] = []
+        ends, keys = own_times(request, motion), request.keys
         owners = np.searchsorted(ends, motion.period * (np.arange(short.shape[1]) + 0.5))
-        for leg in self._legs(direct, motion, short):
+        for leg in self._legs(request, motion, short):
             time = 0.0 if leg == 0 else float(ends[leg - 1])
-            first, last = direct.ends(leg)
+            first, last = keys[leg - 1] if leg else self.start.q, keys[leg]
             exits = self._exits(first, time)
             first = exits[-1] if exits else first
             obstacles = self._obstacles(first, last, time)
             axis = obstacles[int(np.argmin(short[:, owners == leg].min(axis=1)))].axis
-            points = rotate(last, "xyz".index(direct.request.pointing_axis) == np.arange(3))
+            points = rotate(last, "xyz".index(request.pointing_axis) == np.arange(3))
             is_free = self._is_roll_free and float(rotate(last, axis) @ points) > _SAME
             path = shortest_path(first, last, obstacles, axis, is_roll_free=is_free)
             if path is None:
@@ -258,11 +268,11 @@ class Around:
                     f"there is no route from {place} to keyframes[{leg}] outside of {names}"
                 )
             # The curve finds its own way out of a cone, faster than by a keyframe at the edge.
-            few = few.with_added(leg, keyframes_along(path, obstacles))
-            many = many.with_added(leg, [*exits, *path[_EVERY : POINTS - 1 : _EVERY]])
+            few += [(leg, one) for one in keyframes_along(path, obstacles)]
+            many += [(leg, one) for one in (*exits, *path[_EVERY : POINTS - 1 : _EVERY])]
             if is_free:
-                few, many = few.ending(path[-1]), many.ending(path[-1])
-        return few, many
+                request = with_orientation(request, -1, path[-1])
+        return with_corners(request, self.start, few), with_corners(request, self.start, many)
 
     def _exits(self, q: Floats, time: float) -> list[Floats]:
         """Return the orientation straight outside if the device is inside a cone."""
@@ -293,27 +303,26 @@ class Around:
             found.append(replace(edge, radius=radius))
         return found
 
-    def _cleared(self, detour: Detour) -> Motion | None:
-        """Return the motion of a detour with keyframes moved or added until it keeps clear."""
+    def _cleared(self, request: MotionRequest) -> Motion | None:
+        """Return the motion of a request with corners moved or added until it keeps clear."""
         for _ in range(_ROUNDS):
             try:
-                motion = self.plan(detour.whole())
+                motion = self.plan(request)
             except PlanError as error:
-                self._refused = detour.worded(str(error))
+                self._refused = str(error)
                 return None
-            short = self._short(detour, motion)
+            short = self._short(request, motion)
             if float(short.min()) >= 0.0:
-                return detour.restored(motion)
-            detour = self._pushed(detour, motion, short)
+                return restored(motion, request)
+            request = self._pushed(request, motion, short)
         self._refused = "the curve through further keyframes swings inside"
         return None
 
-    def _pushed(self, detour: Detour, motion: Motion, short: Floats) -> Detour:
-        """Return the detour with keyframes outwards of where its motion is inside a cone."""
-        added = [list(one) for one in detour.added]
-        places = detour.places
-        ends = motion.keyframe_times[-len(places) :]
-        inserted: list[tuple[int, int, Floats]] = []
+    def _pushed(self, request: MotionRequest, motion: Motion, short: Floats) -> MotionRequest:
+        """Return the request with corners outwards of where its motion is inside a cone."""
+        count, found = len(request.keyframes), request
+        ends = motion.keyframe_times[-count:]
+        added: list[tuple[int, Floats]] = []
         is_inside = short.min(axis=0) < 0.0
         edges = np.flatnonzero(np.diff(np.concatenate([[0], is_inside.astype(int), [0]])))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -324,20 +333,17 @@ class Around:
             one = self._edges(time)[int(cone)]
             k = int(np.searchsorted(ends, time))
             before = float(ends[k - 1]) if k else 0.0
-            after = float(ends[k]) if k < len(ends) else motion.duration
+            after = float(ends[k]) if k < count else motion.duration
             share = (time - before) / (after - before)
-            moved = places[k - 1] if share < _NEAR and k else None
-            if share > 1.0 - _NEAR and k < len(ends):
-                moved = places[k]
-            if moved is not None:
-                leg, index = moved
-                added[leg][index] = one.pushed(added[leg][index][None], far)[0]
+            near = k - 1 if share < _NEAR else k if share > 1.0 - _NEAR else 0
+            # The state of the device stays, if that is the first keyframe.
+            if 0 < near < count and request.keyframes[near].is_added:
+                q = np.array(found.keyframes[near].q)[None]
+                found = with_orientation(found, near, one.pushed(q, far)[0])
             else:
                 q = motion.sample(np.array([time])).q
-                inserted.append((*detour.slot(k), one.pushed(q, far)[0]))
-        for leg, index, q in sorted(inserted, key=lambda entry: -entry[1]):
-            added[leg].insert(index, q)
-        return replace(detour, added=tuple(map(tuple, added)))
+                added.append((min(k, count - 1), one.pushed(q, far)[0]))
+        return with_corners(found, self.start, added)
 
 
 def _no_lead(_: State) -> Planning:

@@ -67,7 +67,7 @@ class Knots:
         owners = self.kept[np.searchsorted(self.times[self.kept], self.times[left_out])]
         apart = angle(request.keys[left_out], request.keys[owners])
         return tuple(
-            f"keyframes[{one}] is {far:.2g} rad from keyframes[{owner}]: passed as one"
+            f"{request.named(one)} is {far:.2g} rad from {request.named(owner)}: passed as one"
             for one, owner, far in zip(
                 *map(np.ndarray.tolist, (left_out, owners, apart)), strict=True
             )
