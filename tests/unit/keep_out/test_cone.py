@@ -9,7 +9,8 @@ import pytest
 
 from orientd.config import DeviceSettings
 from orientd.errors import RequestError
-from orientd.keep_out import FASTEST_SUN, KeepOut
+from orientd.keep_out import KeepOut
+from orientd.keep_out.cone import FASTEST_SUN
 from orientd.model.cones import read_cones
 from orientd.planner import Keyframe
 from orientd.rotation import exp

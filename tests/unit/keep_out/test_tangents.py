@@ -73,6 +73,19 @@ def test_it_stays_outside_of_every_circle_and_is_as_long_in_both_directions():
     assert around > 50
 
 
+def test_it_leaves_an_edge_where_another_circle_lies_on_it():
+    far, radius = 1.0, 0.5
+    begin = (math.cos(far), math.sin(far), 0.0)
+    end = (math.cos(far), -math.sin(far), 0.0)
+    edge = math.cos(radius), math.sin(radius)
+    bumps = [Circle((edge[0], 0.0, side * edge[1]), 0.1) for side in (1.0, -1.0)]
+    smooth = shortest_route(begin, end, [Circle(X, radius)])
+    route = shortest_route(begin, end, [Circle(X, radius), *bumps])
+    assert route.length > smooth.length + 0.01
+    for one in bumps:
+        assert min(angle(point, one.centre) for point in route.points()) >= one.radius - 1e-7
+
+
 def test_a_banned_side_leads_along_the_other_one():
     chance, longer = random.Random(3), 0
     for _ in range(400):

@@ -62,6 +62,17 @@ def test_a_path_that_crosses_is_led_around_and_still_meets_its_keyframes():
     assert direct.duration < motion.duration < 1.3 * direct.duration
 
 
+def test_notes_on_a_motion_led_around_name_the_keyframes_of_the_user():
+    here, there = Keyframe((1.0, 0.0, 0.0, 0.0)), toward(80.0)
+    w, x, y, z = there.q
+    half_turn_about_the_axis = Keyframe((-x, w, z, -y))
+    motion = planned(here, there, half_turn_about_the_axis)
+    assert "led around keep-out laser" in motion.certificate.notes
+    assert len(motion.request.keyframes) == 3
+    (note,) = [one for one in motion.certificate.notes if "half a turn" in one]
+    assert note.startswith("keyframes[2] is half a turn away")
+
+
 def test_the_certificate_has_a_lower_bound_of_the_clearance():
     motion = planned(toward(80.0))
     assert 0.0 <= clearance(motion) <= least(motion) <= clearance(motion) + 0.05
