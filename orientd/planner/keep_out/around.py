@@ -194,8 +194,7 @@ class Around:
         short = self._short(request, motion)
         names = self._named(short)
         self._check_can_lead(request, motion, short, names, turns=turns)
-        is_fixed = request.times is not None or request.start_velocity is not None
-        if is_fixed and self._legs(request, motion, short)[0] == 0:
+        if not request.is_single and self._legs(request, motion, short)[0] == 0:
             return self._led_in(request, names)
         for detour in self._detours(request, motion, short, names):
             found = self._cleared(detour)

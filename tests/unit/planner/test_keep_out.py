@@ -62,6 +62,14 @@ def test_a_path_that_crosses_is_led_around_and_still_meets_its_keyframes():
     assert direct.duration < motion.duration < 1.3 * direct.duration
 
 
+def test_a_motion_led_around_to_its_first_keyframe_rests_there_as_any_other():
+    motion = planned(toward(80.0), toward(80.0, 30.0), toward(60.0, 40.0), approach=True)
+    assert any(one.startswith("led around keep-out laser") for one in motion.certificate.notes)
+    assert least(motion) >= 0.0
+    at = motion.sample(motion.keyframe_times[:1])
+    assert np.max(np.abs(at.omega_body)) < 1e-9
+
+
 def test_notes_on_a_motion_led_around_name_the_keyframes_of_the_user():
     here, there = Keyframe((1.0, 0.0, 0.0, 0.0)), toward(80.0)
     w, x, y, z = there.q
