@@ -64,13 +64,18 @@ os.environ.setdefault("TEST_RUN_OF_ORIENTD", str(os.getpid()))
 
 
 def left_running():
-    """Return the processes that tests of this run have started, by their number."""
+    """Return the processes that tests of this run have started, by their number.
+
+    That of Python which watches this run's own pools ends with this run.
+    """
     mark, found = f"TEST_RUN_OF_ORIENTD={os.environ['TEST_RUN_OF_ORIENTD']}".encode(), {}
     for path in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             if mark in (path / "environ").read_bytes().split(b"\0"):
                 words = (path / "cmdline").read_bytes().replace(b"\0", b" ")
-                found[int(path.name)] = words.decode(errors="replace").strip()
+                parent = int((path / "stat").read_bytes().rpartition(b")")[2].split()[1])
+                if parent != os.getpid() or b" multiprocessing.resource_tracker " not in words:
+                    found[int(path.name)] = words.decode(errors="replace").strip()
     found.pop(os.getpid(), None)
     return found
 
