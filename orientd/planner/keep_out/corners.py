@@ -9,13 +9,16 @@ from operator import itemgetter
 from typing import ClassVar
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.motion import Motion
+from orientd.planner.path import quintics
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 
 _SHARES = 101  # points of a rate along a leg
+_ENDS = np.array([[0.0], [1.0]])
 
 
 class Corner(Keyframe):
@@ -96,22 +99,16 @@ def _timed(request: MotionRequest, keyframes: list[Keyframe]) -> list[Keyframe]:
         keys = np.array([one.q for one in keyframes[first : last + 1]])
         far = np.concatenate([[0.0], np.cumsum(angle(keys[:-1], keys[1:]))])
         is_rest = first == mine[0] and request.start_velocity is None
-        first_rate = 0.0 if is_rest else 1.0
-        is_rest = last == mine[-1] and request.end_velocity is None
+        rates = [0.0 if is_rest else 1.0, 1.0]
+        if last == mine[-1] and request.end_velocity is None:
+            rates[1] = 0.0
         share = np.linspace(0.0, 1.0, _SHARES)
-        passed = _passed(share, first_rate, 0.0 if is_rest else 1.0)
+        way = quintics(np.ones(1), _ENDS, np.array(rates)[:, None], np.zeros((2, 1)))
+        passed = polyval(share, way[0, :, 0])
         times = begin + (end - begin) * np.interp(far[1:-1] / far[-1], passed, share)
         for index, time in enumerate(times.tolist(), first + 1):
             keyframes[index] = replace(keyframes[index], time=time)
     return keyframes
-
-
-def _passed(share: Floats, first_rate: float, last_rate: float) -> Floats:
-    """Return the quintic from 0 to 1 with given rates and no acceleration at its ends."""
-    rest = 1.0 - first_rate
-    end = last_rate - first_rate
-    a, b, c = 10.0 * rest - 4.0 * end, -15.0 * rest + 7.0 * end, 6.0 * rest - 3.0 * end
-    return share * (first_rate + share**2 * (a + share * (b + share * c)))
 
 
 def _corner(q: Floats, place: tuple[float, float, float] | None = None) -> Corner:

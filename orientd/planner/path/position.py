@@ -180,16 +180,16 @@ def quintic(first: Motion3, last: Motion3, duration: float) -> Floats:
 
 
 def quintics(intervals: Floats, points: Floats, velocities: Floats, pushes: Floats) -> Floats:
-    """Return the quintics between positions with velocities and accelerations.
+    """Return the quintics between values with first and second derivatives.
 
     Args:
         intervals: their durations, s, shape ``(n - 1,)``.
-        points: shape ``(n, 3)``, as the others.
-        velocities: at the points.
-        pushes: accelerations at the points.
+        points: the values, shape ``(n, m)``, as the others.
+        velocities: first derivatives there.
+        pushes: second derivatives there.
 
     Returns:
-        Coefficients of the powers of the time since each begins, shape ``(n - 1, 6, 3)``.
+        Coefficients of the powers of the time since each begins, shape ``(n - 1, 6, m)``.
     """
     h, p, v, a = intervals[:, None], points[:-1], velocities[:-1], pushes[:-1]
     way = points[1:] - p - h * (v + 0.5 * h * a)

@@ -23,7 +23,7 @@ from orientd.mechanism import Gimbal, Mechanism
 from orientd.mechanism.routing import check_way, joints_along
 from orientd.model.limits import Limits
 from orientd.planner.certify.measuring import AxisRecords
-from orientd.planner.path import Path, RecordedPath
+from orientd.planner.path import Path, RecordedPath, quintics
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle
 
@@ -200,7 +200,8 @@ class Axes:
             grid, joints, first, second = self._sampled(path, span, near, tool, period, place)
             near = tuple(joints[-1].tolist())
             breaks.append(grid[:-1])
-            pieces.append(_quintics(joints, first, second, grid[1] - grid[0]))
+            steps = np.diff(grid)
+            pieces.append(quintics(steps, joints, first, second).reshape(len(steps), -1))
         return AxisPath(
             np.concatenate([*breaks, path.trajectory.knots[-1:]]),
             np.ascontiguousarray(np.concatenate(pieces)),
@@ -321,19 +322,3 @@ def _derivatives(values: Floats, h: float) -> tuple[Floats, Floats]:
         for table in _weights()
     )
     return first / h, second / h**2
-
-
-def _quintics(values: Floats, first: Floats, second: Floats, h: float) -> Floats:
-    """Return the Hermite quintics between samples, shape ``(n - 1, 6 axes)``."""
-    p, v, a = values[:-1], first[:-1], second[:-1]
-    way = values[1:] - p - h * (v + 0.5 * h * a)
-    speed, push = h * (first[1:] - v - h * a), h * h * (second[1:] - a)
-    powers = [
-        p,
-        v,
-        0.5 * a,
-        (10.0 * way - 4.0 * speed + 0.5 * push) / h**3,
-        (-15.0 * way + 7.0 * speed - push) / h**4,
-        (6.0 * way - 3.0 * speed + 0.5 * push) / h**5,
-    ]
-    return np.stack(powers, axis=1).reshape(len(p), -1)
