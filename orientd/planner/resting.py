@@ -123,7 +123,8 @@ def _states(job: PlanJob) -> list[State]:
     else:
         is_given = np.isfinite(places[:, 0])
         places = places[is_given][np.maximum(np.cumsum(is_given) - 1, 0)]
-    states = [State.at_rest(*pair) for pair in zip(keys, places, strict=True)]
+    # Orientations of a request are checked already.
+    states = [State(q, zero, zero, place) for q, place in zip(keys, places, strict=True)]
     vectors = job.ends.omega_start, job.ends.alpha_start, job.ends.omega_end
     first, rate, last = (zero if one is None else one for one in vectors)
     states[0] = replace(states[0], omega_body=first, alpha_body=rate)
