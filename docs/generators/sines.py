@@ -12,7 +12,7 @@ import numpy as np
 from orientd import rotation
 from orientd.driver import ZERO
 from orientd.rotation import Floats
-from orientd.servo.tracking.chunks import knots_of
+from orientd.servo.tracking.chunks import smoothed
 from orientd.servo.tracking.tracker import Tracker
 from orientd.stream.records import Sample, ServoLimits
 
@@ -127,7 +127,8 @@ def followed(sine: Sine) -> Played:
             chunk = coming.pop(0)
             stamps = [round(1e9 * when) for when in chunk.times]
             poses = map(tuple, rotation.exp(chunk.vectors).tolist())
-            knots = knots_of([Sample(when, q) for when, q in zip(stamps, poses, strict=True)])
+            samples = [Sample(when, q) for when, q in zip(stamps, poses, strict=True)]
+            knots = smoothed(samples, LIMITS)
             tracker.take_chunk(knots, now_ns, (ZERO, ZERO, ZERO), has_positions=False)
         sent.append(tracker.step(now_ns).q)
     return Played("orientd", PERIOD, PERIOD, np.array(sent))

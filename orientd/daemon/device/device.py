@@ -357,7 +357,7 @@ class Device:
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
         queued.token = token
-        self._axes.expect_targets()
+        self.targets.begin(servo_limits)
         with self._lock:
             lease = self._check_wanted(queued)
             queued.number = self._number + 1

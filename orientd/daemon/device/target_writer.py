@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Sequence
+from math import inf
 
 from orientd.daemon.device.servo_process import ServoProcess
 from orientd.driver import Driver, Joints, Quaternion, Vector3
@@ -15,12 +16,16 @@ from orientd.mechanism import Gimbal, Mechanical, Mechanism
 from orientd.mechanism.mechanism import refusal
 from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
 from orientd.stream import Cycle
-from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Sample
+from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Sample, ServoLimits
 
 _log = logging.getLogger(__name__)
 
 _ASK_AGAIN = 5.0
 """s after which a device that did not say which it is is asked again."""
+
+
+_UNLIMITED = ServoLimits(inf, inf, inf, inf, inf, inf)
+"""Until the device follows anything."""
 
 
 class DeviceAxes:
@@ -95,6 +100,16 @@ class TargetWriter:
     def __init__(self, servo: ServoProcess, axes: DeviceAxes) -> None:
         """Write to *servo* what *axes* can reach."""
         self._servo, self._axes = servo, axes
+        self._limits = _UNLIMITED
+
+    def begin(self, limits: ServoLimits) -> None:
+        """Prepare for a following within limits.
+
+        Raises:
+            PlanError: the device does not report the data needed to check targets.
+        """
+        self._axes.expect_targets()
+        self._limits = limits
 
     def aim(
         self,
@@ -138,7 +153,7 @@ class TargetWriter:
         problem = next(filter(None, problems), "")
         if not kept:
             raise RequestError("chunk", problem)
-        publish_chunk(memory.chunks, kept)
+        publish_chunk(memory.chunks, kept, self._limits)
         return len(samples) - len(kept), problem
 
     def _refusal(self, q: Quaternion, position: Vector3 | None, cycle: Cycle | None) -> str:

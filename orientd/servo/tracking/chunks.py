@@ -5,15 +5,16 @@ The words of the ring tell how the servo follows them.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from orientd.driver import ZERO, Vector3
-from orientd.floats import combine, cross, difference, normalize, plus
-from orientd.servo.tracking.quintic import Knot
-from orientd.stream.records import CHUNK_POSES, KNOT_FLOATS, Sample
+from orientd.floats import combine, cross, difference, norm, normalize, plus
+from orientd.servo.tracking.quintic import Knot, Piece
+from orientd.stream.records import CHUNK_POSES, KNOT_FLOATS, Sample, ServoLimits
 from orientd.stream.ring import RecordRing
 from orientd.tolerances import NORM_TOLERANCE
 
@@ -24,6 +25,12 @@ LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD = ran
 LEFT_WORD, LAG_WORD = 7, 8
 PLACE_BEHIND_WORD, PLACE_FARTHEST_WORD, PLACE_LAG_WORD = 9, 10, 11
 """Words of the ring; angles in nanoradians, distances in nanometres, times in nanoseconds."""
+
+NOISE, PLACE_NOISE = 0.1, 0.02
+"""How far a pose may be off a curve that smooths noise, rad and m."""
+
+_FEWEST = 3
+"""Poses that are not thinned out further."""
 
 _ZERO_LEFT = 1 << 63
 """No time left of a chunk, in the word for that, which has no sign; 0 if it is not known."""
@@ -72,9 +79,12 @@ class Chunk(NamedTuple):
     has_positions: bool
 
 
-def publish_chunk(ring: RecordRing, samples: Sequence[Sample]) -> None:
-    """Write a chunk of 1 to :data:`.CHUNK_POSES` samples, whose times ascend."""
-    knots = knots_of(samples)
+def publish_chunk(ring: RecordRing, samples: Sequence[Sample], limits: ServoLimits) -> None:
+    """Write a chunk of 1 to :data:`.CHUNK_POSES` samples, whose times ascend.
+
+    Noise that would break *limits* is smoothed; see :func:`smoothed`.
+    """
+    knots = smoothed(samples, limits)
     spare = CHUNK_POSES - len(knots)
     times = [knot.time_ns for knot in knots] + [0] * spare
     floats = [number for knot in knots for part in knot[1:] for number in cast(Vector3, part)]
@@ -171,6 +181,51 @@ def knots_of(samples: Sequence[Sample]) -> list[Knot]:
         Knot(*fields)
         for fields in zip(times, qs, omegas, alphas, places, velocities, accelerations, strict=True)
     ]
+
+
+def smoothed(samples: Sequence[Sample], limits: ServoLimits) -> list[Knot]:
+    """Return the curve through samples, or one near them if that curve would break limits.
+
+    The closer poses are in time, the more acceleration their noise takes.  So the curve is made
+    through every second pose, every fourth and so on until it keeps the limits, and read at the
+    times of all of them.  If a pose would be farther from it than :data:`NOISE` or
+    :data:`PLACE_NOISE`, the poses are no noise: their own curve stays, and the limits cut it off.
+    """
+    whole, kept = knots_of(samples), samples
+    knots = whole
+    while len(kept) > _FEWEST and not _keep(knots, limits):
+        kept = [*kept[:-1:2], kept[-1]]
+        knots = knots_of(kept)
+    if knots is whole or not _keep(knots, limits):
+        return whole
+    pieces = [Piece(*pair) for pair in pairwise(knots)]
+    begins = [piece.here.time_ns for piece in pieces]
+    found = []
+    for one in samples:
+        piece = pieces[max(bisect_right(begins, one.time_ns) - 1, 0)]
+        q, position = piece.at(one.time_ns)
+        is_placed = one.position is not None
+        if norm(difference(q, one.q)) > NOISE or (
+            is_placed and norm(plus(position, one.position or ZERO, -1.0)) > PLACE_NOISE
+        ):
+            return whole
+        found.append(Sample(one.time_ns, q, None, position if is_placed else None))
+    return knots_of(found)
+
+
+def _keep(knots: Sequence[Knot], limits: ServoLimits) -> bool:
+    """Return whether a curve keeps limits of velocity and acceleration at its knots."""
+    parts = (*limits.axis_velocity, *limits.axis_acceleration)
+    return all(
+        norm(one.omega) <= limits.velocity
+        and norm(one.alpha) <= limits.acceleration
+        and norm(one.velocity) <= limits.linear_velocity
+        and norm(one.acceleration) <= limits.linear_acceleration
+        and all(
+            abs(part) <= most for part, most in zip((*one.omega, *one.alpha), parts, strict=True)
+        )
+        for one in knots
+    )
 
 
 def _rates(

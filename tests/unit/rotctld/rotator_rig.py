@@ -89,7 +89,7 @@ class Rotator:
             Sample(round(1e9 * (start + k / rate)), (one.w, one.x, one.y, one.z))
             for k, one in enumerate(poses)
         ]
-        publish_chunk(self.rig.memory.chunks, samples)
+        publish_chunk(self.rig.memory.chunks, samples, LIMITS)
 
     def move(self, poses, **_):
         """Stay: the device begins where the first positions are."""

@@ -3,7 +3,7 @@
 from tracking_world import NS, World
 
 from orientd.driver import ZERO
-from orientd.servo.tracking.chunks import knots_of
+from orientd.servo.tracking.chunks import smoothed
 from orientd.stream.records import Sample
 
 
@@ -12,7 +12,7 @@ class ChunkWorld(World):
 
     def chunk(self, samples):
         """Hand over (time_ns, q) or (time_ns, q, omega) at the next cycle; return the answer."""
-        knots = knots_of([Sample(*sample) for sample in samples])
+        knots = smoothed([Sample(*sample) for sample in samples], self.limits)
         at_rest = (ZERO, ZERO, ZERO)
         due_ns = self.now_ns + self.period_ns
         return self.tracker.take_chunk(knots, due_ns, at_rest, has_positions=False)

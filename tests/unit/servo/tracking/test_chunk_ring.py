@@ -39,7 +39,7 @@ def swing(t):
 def chunk(rig, begin_ns, count=20, hz=30, motion=swing):
     stamps = [begin_ns + round(k / hz * NS) for k in range(count)]
     samples = [Sample(stamp, q, None, p) for stamp in stamps for q, p in [motion(stamp / NS - 1.0)]]
-    publish_chunk(rig.memory.chunks, samples)
+    publish_chunk(rig.memory.chunks, samples, LIMITS)
 
 
 def test_orientation_and_position_are_where_the_poses_are():
@@ -182,7 +182,7 @@ def test_chunks_that_are_sent_at_once_one_behind_another_are_all_played():
         chunk(rig, begin_ns + k * NS, count=30)
     late = [Sample(rig.clock.now_ns() - NS, swing(0.0)[0], None, None)]
     rig.run(10)
-    publish_chunk(rig.memory.chunks, late)
+    publish_chunk(rig.memory.chunks, late, LIMITS)
     rig.run(2500)
     apart = 0.0
     for _ in range(2000):

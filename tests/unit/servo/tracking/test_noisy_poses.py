@@ -1,6 +1,7 @@
 """Noise of the poses is acceleration of the device, unless a tolerance smooths them."""
 
 import random
+from dataclasses import replace
 from math import pi, sin
 
 import numpy as np
@@ -9,7 +10,9 @@ from chunk_world import ChunkWorld
 from tracking_world import NS, angle, servo_limits
 
 from orientd.client.smoothing import smoothed_orientations
-from orientd.floats import exp, multiply, norm
+from orientd.floats import exp, multiply, norm, plus
+from orientd.servo.tracking.chunks import knots_of, smoothed
+from orientd.stream.records import Sample
 
 LIMITS = servo_limits(3.75, 25.0, 8500.0)
 NOISE = 1e-3
@@ -47,3 +50,48 @@ def test_a_tolerance_of_three_times_the_noise_hides_it(seed):
     assert rough[1] > 1.5
     assert smooth[1] < 1.2
     assert smooth[0] < min(rough[0], 3e-3)
+
+
+@pytest.mark.parametrize(("hz", "noise"), [(50, 2e-3), (50, 1e-2), (30, 1e-2), (20, 1e-2)])
+def test_noise_that_would_break_the_limits_is_smoothed(hz, noise):
+    rng, world, error = random.Random(1), ChunkWorld(servo_limits(2.5, 17.0, 8500.0), 500), 0.0
+    for _ in range(6):
+        world.chunk(
+            (stamp, multiply(q, exp(tuple(rng.gauss(0.0, noise) for _ in range(3)))))
+            for stamp, q in world.poses(
+                world.now_ns + NS // 50, 2 * hz, hz, lambda t: swing(0.3 * t)
+            )
+        )
+        for _ in range(500):
+            point = world.step()
+            if world.now > 3.0:
+                error = max(error, angle(point.q, swing(0.3 * (world.now - 1.0))))
+    assert error < 5.0 * noise
+
+
+def test_poses_that_are_no_noise_are_not_smoothed():
+    stamps = [NS + k * NS // 30 for k in range(30)]
+    jump = [Sample(stamp, swing(0.0) if k < 15 else swing(0.5)) for k, stamp in enumerate(stamps)]
+    assert smoothed(jump, LIMITS) == knots_of(jump)
+
+
+def test_poses_within_the_limits_stay_as_they_are():
+    calm = [Sample(NS + k * NS // 30, swing(k / 30)) for k in range(30)]
+    assert smoothed(calm, LIMITS) == knots_of(calm)
+
+
+def test_a_position_is_smoothed_with_its_pose():
+    rng = random.Random(3)
+    limits = replace(LIMITS, linear_velocity=1.0, linear_acceleration=3.0)
+    wanted = [(0.2 * sin(k / 20), 0.0, 0.1) for k in range(60)]
+    samples = [
+        Sample(NS + k * NS // 50, swing(0.0), None, plus(at, (rng.gauss(0.0, 1e-3), 0.0, 0.0), 1.0))
+        for k, at in enumerate(wanted)
+    ]
+    knots = smoothed(samples, limits)
+    assert max(norm(one.acceleration) for one in knots_of(samples)) > 5.0
+    assert max(norm(one.acceleration) for one in knots) < 3.1
+    assert (
+        max(norm(plus(one.position, at, -1.0)) for one, at in zip(knots, wanted, strict=True))
+        < 5e-3
+    )
