@@ -13,7 +13,8 @@ from orientd import rotation
 from orientd.driver import ZERO
 from orientd.rotation import Floats
 from orientd.servo.tracking.chunks import smoothed
-from orientd.servo.tracking.tracker import Tracker
+from orientd.servo.tracking.preview import Motion
+from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream.records import Sample, ServoLimits
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "policy_chunks"))
@@ -118,8 +119,8 @@ class Sine:
 def followed(sine: Sine) -> Played:
     """Return the setpoints of orientd: its tracker in virtual time."""
     tracker, coming = Tracker(PERIOD), list(sine.chunks())
-    start = tuple(sine.at(np.zeros(1))[0].tolist())
-    tracker.begin(start, ZERO, ZERO, LIMITS)
+    point = TrackPoint(tuple(sine.at(np.zeros(1))[0].tolist()), ZERO, ZERO)
+    tracker.begin(*point, LIMITS)
     period_ns, sent = round(1e9 * PERIOD), []
     for k in range(1, round(SECONDS / PERIOD)):
         now_ns = k * period_ns
@@ -129,8 +130,10 @@ def followed(sine: Sine) -> Played:
             poses = map(tuple, rotation.exp(chunk.vectors).tolist())
             samples = [Sample(when, q) for when, q in zip(stamps, poses, strict=True)]
             knots = smoothed(samples, LIMITS)
-            tracker.take_chunk(knots, now_ns, (ZERO, ZERO, ZERO), has_positions=False)
-        sent.append(tracker.step(now_ns).q)
+            motion = Motion(*point, ZERO, ZERO, ZERO)
+            tracker.take_chunk(knots, motion, now_ns - period_ns, has_positions=False)
+        point = tracker.step(now_ns)
+        sent.append(point.q)
     return Played("orientd", PERIOD, PERIOD, np.array(sent))
 
 

@@ -10,7 +10,7 @@ from tracking_world import NS, World, servo_limits
 
 from orientd.floats import exp, multiply, normalize
 from orientd.keep_out import KeepOut
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 
 pytestmark = pytest.mark.bench
 

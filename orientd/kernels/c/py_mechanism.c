@@ -1,7 +1,8 @@
-/* Arms, and chains of axes within their limits, as Python calls them. */
+/* Arms, chains of axes within their limits, and forecasts of targets, as Python calls them. */
 #include "arms.h"
 #include "binding.h"
 #include "chain.h"
+#include "fit.h"
 #include "vector.h"
 
 static bool is_arm(row_t arm) { return arm.n == PUBLISHED_ARM || arm.n == CALIBRATED_ARM; }
@@ -113,9 +114,45 @@ KERNEL(stop_clearance) {
     return PyFloat_FromDouble(least);
 }
 
+static bool is_table(matrix_t table, index_t columns) {
+    return table.n == FITS && table.m == columns;
+}
+
+KERNEL(fit_samples) {
+    TAKE("mdM");
+    CHECK(a[0].m.n > 0 && (a[0].m.m == FIT_SAMPLE || a[0].m.m == FIT_SAMPLE_WITH_RATE));
+    CHECK(is_table(a[2].m, FIT_NUMBERS));
+    RUN_AT_ONCE(fit_samples(a[0].m, a[1].d, a[2].m));
+    Py_RETURN_NONE;
+}
+
+KERNEL(score_fits) {
+    TAKE("mdvdM");
+    CHECK(is_table(a[0].m, FIT_NUMBERS) && a[2].v.n == 3 && is_table(a[4].m, FIT_SCORE));
+    RUN_AT_ONCE(score_fits(a[0].m, a[1].d, a[2].v, a[3].d, a[4].m));
+    Py_RETURN_NONE;
+}
+
+KERNEL(mix_fits) {
+    TAKE("mmV");
+    CHECK(is_table(a[0].m, FIT_NUMBERS) && is_table(a[1].m, FIT_SCORE));
+    CHECK(a[2].v.n == FIT_NUMBERS);
+    double error;
+    RUN_AT_ONCE(error = mix_fits(a[0].m, a[1].m, a[2].v));
+    return PyFloat_FromDouble(error);
+}
+
+KERNEL(read_fit) {
+    TAKE("vdV");
+    CHECK(a[0].v.n == FIT_NUMBERS && a[2].v.n == FORECAST);
+    RUN_AT_ONCE(read_fit(a[0].v, a[1].d, a[2].v));
+    Py_RETURN_NONE;
+}
+
 PyMethodDef mechanism_methods[] = {
-    ENTRY(brakes_outside), ENTRY(follow_arm),    ENTRY(halt_vector), ENTRY(place_arm),
-    ENTRY(pursue_joints),  ENTRY(pursue_vector), ENTRY(reserve_arm), ENTRY(roll_stop),
+    ENTRY(brakes_outside), ENTRY(fit_samples),    ENTRY(follow_arm),   ENTRY(halt_vector),
+    ENTRY(mix_fits),       ENTRY(place_arm),      ENTRY(pursue_joints), ENTRY(pursue_vector),
+    ENTRY(read_fit),       ENTRY(reserve_arm),    ENTRY(roll_stop),    ENTRY(score_fits),
     ENTRY(solve_arm),      ENTRY(stop_clearance),
     LAST_ENTRY,
 };

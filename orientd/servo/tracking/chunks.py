@@ -26,7 +26,7 @@ LEFT_WORD, LAG_WORD = 7, 8
 PLACE_BEHIND_WORD, PLACE_FARTHEST_WORD, PLACE_LAG_WORD = 9, 10, 11
 """Words of the ring; angles in nanoradians, distances in nanometres, times in nanoseconds."""
 
-NOISE, PLACE_NOISE = 0.1, 0.02
+NOISE, PLACE_NOISE = 0.25, 0.05
 """How far a pose may be off a curve that smooths noise, rad and m."""
 
 _FEWEST = 3

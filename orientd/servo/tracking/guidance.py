@@ -7,10 +7,10 @@ from typing import NamedTuple, Protocol
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, norm
+from orientd.servo.tracking.forecast import JUMP
 from orientd.servo.tracking.preview import Motion, Preview, PreviewState
 from orientd.servo.tracking.quintic import Knot
-from orientd.servo.tracking.reference import Reference
-from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
+from orientd.servo.tracking.reference import Reference, ReferenceState, Target
 from orientd.stream.records import ServoLimits
 
 _MET = 0.02
@@ -117,7 +117,7 @@ class Guidance:
     def _forget(self) -> None:
         self.place: Place | None = None
         self.end: tuple[Target, float] | None = None
-        self._last: FilteredTarget | None = None
+        self._last: Target | None = None
         self._home: Target | None = None
         self._has_met = self._is_concluded = False
         self.behind = 0.0
@@ -148,16 +148,16 @@ class Guidance:
             self._note(last, found, follower.moving()[0])
         return found
 
-    def _note(self, last: FilteredTarget, found: ReferenceState, q: Quaternion) -> None:
+    def _note(self, last: Target, found: ReferenceState, q: Quaternion) -> None:
         """Record whether the device, at *q*, has met its target, and where it must end."""
         if last is not self._last:
             self._last = last
-            if last.begins and norm(difference(q, last.target.q)) > JUMP:
+            if self.reference.begins and norm(difference(q, last.q)) > JUMP:
                 self._has_met = False
         if not self._has_met:
             self._has_met = norm(difference(q, found.q)) < _MET
-        is_order = last.turning is not None or last.omega == ZERO
-        self._home = last.target if self._has_met and is_order else None
+        is_order = last.omega_body is None or last.omega_body == ZERO
+        self._home = last if self._has_met and is_order else None
 
     def _expired(self, follower: Follower) -> ReferenceState | None:
         """Return the expired target while the device has not reached it."""

@@ -31,11 +31,12 @@ from orientd.mechanism.mechanism import Mechanism, Rows
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones, Room
 from orientd.servo.tracking.detour import Detour
+from orientd.servo.tracking.forecast import JUMP
 from orientd.servo.tracking.guidance import Guidance, Place
 from orientd.servo.tracking.law import FULL, NO_LIMITS, Need, gains_of
 from orientd.servo.tracking.preview import PreviewState
+from orientd.servo.tracking.reference import ReferenceState, Target
 from orientd.servo.tracking.stop_filter import RESERVE
-from orientd.servo.tracking.targets import JUMP, ReferenceState, Target
 from orientd.stream.records import ServoLimits
 
 LONGEST_STOP = 1000
@@ -392,7 +393,7 @@ class JointTracker:
     def _pursue(self, reference: Rows, *, is_way: bool) -> None:
         """Find the accelerations to aim at, towards joints or along a way."""
         if len(reference) > 1:
-            gains = self._rest.softened(self._guidance.reference.delay, self._period)
+            gains = self._rest.softened(self._period)
             spare = self._need.spare
         else:
             gains, spare = self._rest, FULL

@@ -31,12 +31,6 @@ QUICKEST = 0.27
 SOFT = 20.0
 """Largest closing speed per remaining way while the target moves, 1/s."""
 
-UNHURRIED = 0.8
-"""Largest product of that speed per way and of the delay at which the target's motion is read.
-
-A faster correction of such old information would show every lost or late packet as a jerk.
-"""
-
 EVENLY = 2.0
 """How much faster the acceleration settles than the velocity, while the target moves."""
 
@@ -89,11 +83,9 @@ class Gains(NamedTuple):
     settle: float
     share: float
 
-    def softened(self, delay: float, period: float) -> Gains:
-        """Return the gains for a moving, noisy target whose motion is read *delay* s late."""
+    def softened(self, period: float) -> Gains:
+        """Return the gains for a moving, noisy target."""
         approach = min(self.approach, SOFT)
-        if approach * delay > UNHURRIED:
-            approach = UNHURRIED / delay
         share = min(self.share, EVENLY * RATIO * approach * period)
         return Gains(approach, RATIO * approach, share)
 
@@ -192,7 +184,6 @@ class Law:
 
     Attributes:
         period: of a cycle, s.
-        velocity: largest of any direction, rad/s or m/s.
         acceleration: largest of any direction, rad/s^2 or m/s^2.
         rest: gains for a target at rest.
         need: of the reference so far.
@@ -232,7 +223,7 @@ class Law:
         jerk = min(jerk, acceleration / (2.0 * h))
         parts[2] = [min(j, a / (2.0 * h)) for a, j in zip(parts[1], parts[2], strict=True)]
         self._row = array("d", (velocity, acceleration, jerk, *parts[0], *parts[1], *parts[2]))
-        self.velocity = min(velocity, max(parts[0]))
+        self._has_axes = min(map(min, axes)) < inf
         self.acceleration = min(acceleration, max(parts[1]))
         self.rest = gains_of(self.acceleration, min(jerk, max(parts[2])), h)
         self.need.forget()
@@ -249,8 +240,10 @@ class Law:
     def share(self, kind: int, vector: Vector3) -> float:
         """Return the share of a limit that a vector takes; *kind* 0 is velocity, 2 is jerk."""
         row = self._row
-        parts = (abs(x) / row[3 + 3 * kind + i] for i, x in enumerate(vector))
-        return max(norm(vector) / row[kind], *parts)
+        share = norm(vector) / row[kind]
+        if self._has_axes:
+            share = max(share, *(abs(x) / row[3 + 3 * kind + i] for i, x in enumerate(vector)))
+        return share
 
     def stopping_way(self, rate: Vector3, change: Vector3) -> float:
         """Return the way of the quickest stop along a velocity, rad or m."""

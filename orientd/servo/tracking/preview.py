@@ -1,13 +1,13 @@
-"""The reference of chunks: poses that are known ahead, and the seams between chunks.
+"""The reference of chunks: poses that are known ahead.
 
 A chunk is a curve through its poses (:mod:`orientd.servo.tracking.chunks`).  It replaces everything
-from its first live pose on; poses whose time has passed only shape the curve.  The seam is one
-quintic.  It begins at the last setpoint, or at the last pose that is left of the chunk before.  It
-ends at the first knot that it can reach within the limits.  So the reference is continuous up to
-the acceleration, and equal to the last setpoint after every chunk.
+from its first live pose on; poses whose time has passed only shape the curve.  The motion before it
+differs from the curve by an offset, which fades as one quintic.  So the reference is continuous up
+to the acceleration.  A later chunk continues the offset, and adds only what it contradicts itself.
+Chunks that agree add nothing.
 
-If no knot can be reached so, the curve of the chunk is the reference without a seam.  The tracker
-closes in on it as soon as the limits allow.  Later chunks begin seams at the last setpoint again.
+If the offset cannot fade before the poses end, the curve itself is the reference.  The tracker
+closes in on it as soon as the limits allow.
 
 The motion of the next cycle is known, so it is fed forward as the difference that the guard will
 see.  The device follows without lag as long as the limits allow.
@@ -20,22 +20,27 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import combine, difference, dot, norm, plus
-from orientd.servo.tracking.law import Law
-from orientd.servo.tracking.quintic import Knot, Piece, Quintic
+from orientd.floats import combine, difference, dot, exp, multiply, norm, plus
+from orientd.servo.tracking.law import LEAST, Law
+from orientd.servo.tracking.quintic import Knot, Piece, quintic
 from orientd.servo.tracking.reference import Arrivals
 from orientd.stream.records import ServoLimits
 
 BRIDGE_NS = 100_000_000
-"""How long a seam takes at least, if the chunk reaches so far.  Two chunks of one policy differ by
-its noise, and the acceleration for a gap falls with the square of this time."""
+"""How long before its first pose a chunk takes over from the one before it."""
 
-SHARE = 0.95
-"""Part of the limits that a seam uses, so that some is left to follow it."""
+FADING = 0.15
+"""How long an offset lasts at least, s.  Two chunks of one policy differ by its noise, and the
+acceleration for a gap falls with the square of this time."""
 
-AGREEING = 0.02
-"""Up to which gap, rad or m, a chunk is where a seam under way leads.  Then that seam stays as it
-is: if every chunk began it again, a long one would never end."""
+CALM = 0.6
+"""Largest part of a limit that an offset may need, if the poses alone leave all of it free."""
+
+LONGER = 1.4
+"""Factor between the spans of an offset that are tried in turn."""
+
+BENT = 0.05
+"""Time for which the first acceleration of a curve is continued before its first pose, s."""
 
 CATCHING_UP = 0.01
 """Part of a shift of the deadlines that the reading of the curve makes up for in one cycle."""
@@ -50,7 +55,7 @@ LONGEST_LAG = 60.0
 """Largest lag that is reported, s: no pose of a chunk is farther ahead."""
 
 _LOOKS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Where a seam is held against the limits."""
+"""Where a piece or an offset is held against the limits."""
 
 
 class Motion(NamedTuple):
@@ -135,7 +140,7 @@ class Preview:
     """
 
     def __init__(self, period: float, servo_limits: ServoLimits) -> None:
-        """Know nothing yet; seams keep *servo_limits*, for one setpoint per *period* seconds."""
+        """Know nothing yet; offsets keep *servo_limits*, for one setpoint per *period* seconds."""
         self._period = period
         self._period_ns = round(period * 1e9)
         self._turning, self._moving = Law(period), Law(period)
@@ -146,9 +151,10 @@ class Preview:
     def clear(self) -> None:
         """Forget every chunk."""
         self._knots: list[Knot] = []
+        self._waiting: list[list[Knot]] = []
         self._piece: Piece | None = None
+        self._offset: Offset | None = None
         self._state: Motion | None = None
-        self._joins: Knot | None = None
         self._read_ns = 0
         self._arrivals = Arrivals(1e9 * self._period)
         self.has_positions = False
@@ -166,7 +172,7 @@ class Preview:
     @property
     def end(self) -> Knot:
         """The last pose."""
-        return self._knots[-1]
+        return (self._waiting or [self._knots])[-1][-1]
 
     def is_continued(self, now_ns: int) -> bool:
         """Whether the next chunk is expected before the poses run out, and not overdue."""
@@ -200,35 +206,103 @@ class Preview:
             self.starved += not self._knots or self.end.time_ns <= sent_ns
             return "every pose of the chunk has passed"
         self._arrivals.note(self.end.time_ns if self._knots else None, sent_ns)
-        given = knots[max(first - 1, 0) :]
-        knots = [self._eased(knot) for knot in knots[first:]]
-        self.live = len(knots)
-        self._compare(knots[0], sent, sent_ns)
-        kept: list[Knot] = []
-        if self._knots and not is_fresh and has_positions == self.has_positions:
-            kept = self._kept(self._left_ns(knots), sent_ns)
+        self.live = len(knots) - first
+        self._compare(knots[first], sent, sent_ns)
+        # The curve is read for the last three setpoints, too.
+        begin = bisect_right(knots, sent_ns - 3 * self._period_ns, key=_time_of)
+        curve = list(knots[max(begin - 1, 0) :])
+        is_fresh = is_fresh or not self._knots or has_positions != self.has_positions
         self.has_positions = has_positions
-        start = kept.pop() if kept else self._knot_of(sent, sent_ns)
-        excess, piece = self._seam(start, knots)
-        if excess > 1.0 and len(given) > len(knots):
-            self._knots = list(given)
-            self._piece = self._joins = None
-            self._state, self._read_ns = self._motion_at(sent_ns), sent_ns
-            return ""
-        if not kept:
-            self._state, self._read_ns = sent, sent_ns
-        self._joins = piece.there
-        after = bisect_right(knots, piece.there.time_ns, key=_time_of)
-        self._knots = [*kept, start, piece.there, *knots[after:]]
-        self._piece = None if kept else piece
+        if is_fresh:
+            self._waiting, self._offset, self._read_ns = [], None, sent_ns
+            self._take_over(curve, sent, _past(sent, self._period))
+        else:
+            # The curve before it stays until then, or to its end.
+            first_ns = curve[0].time_ns
+            self._waiting = [one for one in self._waiting if one[0].time_ns < first_ns]
+            self._waiting.append(curve)
+            self._take_over_if_due()
         return ""
 
-    def _knot_of(self, sent: Motion, sent_ns: int) -> Knot:
-        """Return a setpoint as a knot, with the derivatives at its instant."""
-        half = 0.5 * self._period
-        velocity = plus(sent.velocity, sent.acceleration, half)
-        omega = plus(sent.omega, sent.alpha, half)
-        return Knot(sent_ns, sent.q, omega, sent.alpha, sent.position, velocity, sent.acceleration)
+    def _take_over_if_due(self) -> None:
+        """Continue with the next curve if its first pose is due, or none is left before it."""
+        while self._waiting and self._state is not None:
+            due_ns = min(self._waiting[0][0].time_ns, self._knots[-1].time_ns)
+            if due_ns > self._read_ns + self._period_ns:
+                return
+            before = [self._bare_at(time_ns) for time_ns in self._looks]
+            self._take_over(self._waiting.pop(0), self._state, before)
+
+    @property
+    def _looks(self) -> list[int]:
+        """The times of the last three setpoints, the oldest first."""
+        return [self._read_ns - k * self._period_ns for k in (2, 1, 0)]
+
+    def _take_over(
+        self, knots: list[Knot], state: Motion, before: Sequence[tuple[Quaternion, Vector3]]
+    ) -> None:
+        """Continue with a curve from *state*, where the reference has been read.
+
+        *before* are the poses of the curve before it at the last three setpoints.
+        """
+        h, now_ns = self._period, self._read_ns
+        old, self._offset = self._offset, None
+        given, knots = knots, [self._eased(one) if one.time_ns > now_ns else one for one in knots]
+        self._knots, self._piece, self._state = knots, None, state
+        if knots[0].time_ns - now_ns >= BRIDGE_NS:
+            piece = Piece(_knot_of(state, now_ns, h), knots[0])
+            if self._is_within(piece):
+                self._knots = [piece.here, *knots]
+                return
+        bare = [self._bare_at(time_ns) for time_ns in self._looks]
+        span = self._span(Offset(bare, before, h, now_ns))
+        if span is not None:
+            left = 0.0 if old is None else (old.end_ns - now_ns) * 1e-9
+            self._offset = Offset(bare, _past(state, h), h, now_ns)
+            self._offset.last(max(span, left))
+        else:
+            self._knots, self._piece = given, None
+            self._state = self._motion_at(now_ns)
+
+    def _is_within(self, piece: Piece) -> bool:
+        """Return whether a piece keeps the limits."""
+        pairs = (self._turning, piece.turn), (self._moving, piece.way)
+        return all(
+            law.share(kind, rate) <= piece.span ** (kind + 1)
+            for law, way in pairs[: 1 + self.has_positions]
+            for u in _LOOKS
+            for kind, rate in enumerate(way.derivatives(u))
+        )
+
+    def _span(self, offset: Offset) -> float | None:
+        """Return the time in which an offset can fade softly, s.
+
+        If the poses end before, it is the time until then.  ``None`` if the limits forbid that.
+        """
+        span, most = FADING, (self._knots[-1].time_ns - offset.begin_ns) * 1e-9
+        while most > 0.0:
+            offset.last(min(span, most))
+            excess = self._excess(offset)
+            if excess <= CALM or (span >= most and excess <= 1.0):
+                return min(span, most)
+            if span >= most:
+                break
+            span *= LONGER
+        return None
+
+    def _excess(self, offset: Offset) -> float:
+        """Return how much an offset needs of the free part of a limit, at most."""
+        laws = (self._turning, self._moving)[: 1 + self.has_positions]
+        own, both = [0.0] * (3 * len(laws)), [0.0] * (3 * len(laws))
+        for look in _LOOKS:
+            time_ns = offset.begin_ns + round(look * (offset.end_ns - offset.begin_ns))
+            rates, others = _rates_on(self._knots, time_ns), offset.rates(look)
+            for place in range(len(own)):
+                law, kind = laws[place // 3], place % 3
+                here = rates[place]
+                own[place] = max(own[place], law.share(kind, here))
+                both[place] = max(both[place], law.share(kind, plus(here, others[place], 1.0)))
+        return max((b - a) / max(1.0 - a, LEAST) for a, b in zip(own, both, strict=True))
 
     def _eased(self, knot: Knot) -> Knot:
         """Return a knot no faster than the limits: a curve through an outlier swings less."""
@@ -249,89 +323,35 @@ class Preview:
             self.least_left_ns = left_ns
         if left_ns <= 0:
             self.starved += 1
-        q = sent.q if left_ns <= 0 else self._pose_at(knot.time_ns)[0]
+        last = (self._waiting or [self._knots])[-1]
+        q = sent.q if left_ns <= 0 else _pose_on(last, knot.time_ns)[0]
         self.seam = max(self.seam, norm(difference(q, knot.q)))
 
-    def _left_ns(self, knots: Sequence[Knot]) -> int:
-        """Return until when the old curve stays: to the end of its seam if *knots* go by there."""
-        until_ns, joins = knots[0].time_ns - BRIDGE_NS, self._joins
-        if joins is None or not knots[0].time_ns <= joins.time_ns < knots[-1].time_ns:
-            return until_ns
-        place = bisect_right(knots, joins.time_ns, key=_time_of)
-        piece = Piece(knots[place - 1], knots[place])
-        (q, at), (q1, at1) = piece.at(joins.time_ns), piece.at(joins.time_ns + 1_000_000)
-        omega, bridge = plus(ZERO, difference(q, q1), 1e3), 1e-9 * BRIDGE_NS
-        gap = norm(difference(q, joins.q)) + bridge * norm(plus(omega, joins.omega, -1.0))
-        away = 0.0
-        if self.has_positions:
-            velocity = combine(at1, 1e3, at, -1e3)
-            away = norm(plus(at, joins.position, -1.0))
-            away += bridge * norm(plus(velocity, joins.velocity, -1.0))
-        return joins.time_ns if max(gap, away) < AGREEING else until_ns
-
-    def _kept(self, until_ns: int, sent_ns: int) -> list[Knot]:
-        """Return the knots that stay of the old curve before *until_ns*, from that before now on.
-
-        Empty if none of them is still to come: the seam begins at what was sent then.
-        """
-        knots = self._knots
-        begin = max(bisect_right(knots, sent_ns, key=_time_of) - 1, 0)
-        end = bisect_right(knots, until_ns, key=_time_of)
-        return knots[begin:end] if end - begin > 1 else []
-
-    def _seam(self, start: Knot, knots: Sequence[Knot]) -> tuple[float, Piece]:
-        """Return the piece from *start* to the first knot from which on the limits are kept.
-
-        The number before it says how many times it needs a limit; if that is above 1, no piece
-        keeps the limits, and this one needs least.
-        """
-        earliest_ns = start.time_ns + BRIDGE_NS
-        place = min(bisect_right(knots, earliest_ns - 1, key=_time_of), len(knots) - 1)
-        found: tuple[float, Piece] | None = None
-        for knot in knots[place:]:
-            piece = Piece(start, knot)
-            excess = self._excess(piece)
-            if found is None or excess < found[0]:
-                found = excess, piece
-            if excess <= 1.0:
-                break
-        if found is None:
-            raise ValueError("a chunk has at least one pose")
-        return found
-
-    def _excess(self, piece: Piece) -> float:
-        """Return how many times a seam needs what it may use of any limit."""
-        excess = 0.0
-        for u in _LOOKS:
-            excess = max(excess, _need(self._turning, piece.turn, u, piece.span))
-            if self.has_positions:
-                excess = max(excess, _need(self._moving, piece.way, u, piece.span))
-        return excess
-
-    def _piece_at(self, time_ns: int) -> Piece:
-        """Return the piece of the curve at an instant, or the first or last one beyond its ends."""
-        piece, knots = self._piece, self._knots
+    def _bare_at(self, time_ns: int) -> tuple[Quaternion, Vector3]:
+        """Return orientation and position of the curve at an instant, without the offset."""
+        knots, piece = self._knots, self._piece
         if piece is not None and piece.here.time_ns <= time_ns < piece.there.time_ns:
-            return piece
-        place = bisect_right(knots, time_ns, key=_time_of)
-        place = min(max(place, 1), len(knots) - 1)
-        return Piece(knots[place - 1], knots[place])
+            return piece.at(time_ns)
+        if knots[0].time_ns <= time_ns < knots[-1].time_ns:
+            self._piece = piece = _piece_on(knots, time_ns)
+            return piece.at(time_ns)
+        return _pose_on(knots, time_ns)
 
     def _pose_at(self, time_ns: int) -> tuple[Quaternion, Vector3]:
-        """Return orientation and position of the curve at an instant; the last ones after it."""
-        end = self.end
-        if time_ns >= end.time_ns:
-            return end.q, end.position
-        piece = self._piece_at(time_ns)
-        if time_ns < self._read_ns + 2 * self._period_ns:
-            self._piece = piece
-        return piece.at(time_ns)
+        """Return orientation and position of the reference at an instant."""
+        q, position = self._bare_at(time_ns)
+        offset = self._offset
+        if offset is None or time_ns >= offset.end_ns:
+            return q, position
+        turn, way = offset.at(time_ns)
+        return multiply(q, exp(turn)), plus(position, way, 1.0)
 
     def at(self, now_ns: int) -> PreviewState:
         """Return the reference at the setpoint before *now_ns*, and how it continues to there.
 
         To be asked once for every setpoint, in order.
         """
+        self._take_over_if_due()
         before, h = self._state, self._period
         if before is None:
             raise ValueError("no chunk has come")
@@ -362,12 +382,136 @@ class Preview:
         return Motion(q2, omega, alpha, p2, velocity, acceleration)
 
 
-def _need(law: Law, way: Quintic, u: float, span: float) -> float:
-    """Return how many times a way of *span* s needs at *u* what a seam may use of any limit."""
-    velocity, acceleration, jerk = (
-        law.share(k, rate) / span ** (k + 1) for k, rate in enumerate(way.derivatives(u))
+class Offset:
+    """The rest of the motion before a curve, relative to that curve; it fades.
+
+    Attributes:
+        begin_ns: when it begins.
+        end_ns: time from which it is nothing.
+    """
+
+    def __init__(
+        self,
+        curve: Sequence[tuple[Quaternion, Vector3]],
+        motion: Sequence[tuple[Quaternion, Vector3]],
+        h: float,
+        begin_ns: int,
+    ) -> None:
+        """Begin at *begin_ns* with the way from a curve to a motion.
+
+        Both are given by their poses at the last three setpoints, *h* s apart, the oldest first.
+        """
+        pairs = list(zip(curve, motion, strict=True))
+        turns = [difference(here[0], there[0]) for here, there in pairs]
+        ways = [plus(there[1], here[1], -1.0) for here, there in pairs]
+        self._begin = _derivatives(turns, h), _derivatives(ways, h)
+        self.begin_ns = begin_ns
+        self.last(FADING)
+
+    def last(self, span: float) -> None:
+        """Fade within a time, s."""
+        self.end_ns, self._span = self.begin_ns + round(1e9 * span), span
+        self._fading = [
+            quintic(
+                plus(ZERO, gap, -1.0),
+                plus(ZERO, rate, span),
+                plus(ZERO, change, span * span),
+                ZERO,
+                ZERO,
+            )
+            for gap, rate, change in self._begin
+        ]
+
+    def rates(self, u: float) -> list[Vector3]:
+        """Return the first three derivatives of the turn, and then those of the displacement.
+
+        *u* is the part of its time that has passed.
+        """
+        return [
+            plus(ZERO, rate, self._span ** -(kind + 1))
+            for fading in self._fading
+            for kind, rate in enumerate(fading.derivatives(u))
+        ]
+
+    def at(self, time_ns: int) -> tuple[Vector3, Vector3]:
+        """Return turn and displacement at an instant before its end."""
+        u = (time_ns - self.begin_ns) * 1e-9 / self._span
+        turn, way = (
+            plus(begin[0], fading.value(u), 1.0)
+            for begin, fading in zip(self._begin, self._fading, strict=True)
+        )
+        return turn, way
+
+
+def _derivatives(values: Sequence[Vector3], h: float) -> tuple[Vector3, Vector3, Vector3]:
+    """Return the last of three values *h* s apart, and its first two derivatives."""
+    a, b, c = values
+    rate = plus(combine(c, 1.5 / h, b, -2.0 / h), a, 0.5 / h)
+    return c, rate, plus(combine(c, 1.0 / h / h, b, -2.0 / h / h), a, 1.0 / h / h)
+
+
+def _rates_on(knots: Sequence[Knot], time_ns: int) -> tuple[Vector3, ...]:
+    """Return velocity, acceleration and jerk of the turn of a curve, and then of its position.
+
+    Between two poses the first two are interpolated linearly.
+    """
+    place = min(max(bisect_right(knots, time_ns, key=_time_of), 1), len(knots) - 1)
+    here, there = knots[place - 1], knots[place]
+    span = (there.time_ns - here.time_ns) * 1e-9
+    share = min(max((time_ns - here.time_ns) * 1e-9 / span, 0.0), 1.0) if span > 0.0 else 0.0
+    per = 1.0 / span if span > 0.0 else 0.0
+    return (
+        combine(here.omega, 1.0 - share, there.omega, share),
+        combine(here.alpha, 1.0 - share, there.alpha, share),
+        combine(there.alpha, per, here.alpha, -per),
+        combine(here.velocity, 1.0 - share, there.velocity, share),
+        combine(here.acceleration, 1.0 - share, there.acceleration, share),
+        combine(there.acceleration, per, here.acceleration, -per),
     )
-    return max(velocity / SHARE, acceleration / SHARE, jerk)
+
+
+def _piece_on(knots: Sequence[Knot], time_ns: int) -> Piece:
+    """Return the piece of a curve at an instant between its ends."""
+    place = bisect_right(knots, time_ns, key=_time_of)
+    return Piece(knots[place - 1], knots[place])
+
+
+def _pose_on(knots: Sequence[Knot], time_ns: int) -> tuple[Quaternion, Vector3]:
+    """Return orientation and position of a curve at an instant.
+
+    After its last pose it rests.  Before its first one its velocity and acceleration continue: a
+    piece that is read beyond its ends would multiply its rounding.
+    """
+    first, last = knots[0], knots[-1]
+    if time_ns >= last.time_ns:
+        return last.q, last.position
+    if time_ns >= first.time_ns:
+        return _piece_on(knots, time_ns).at(time_ns)
+    t = (time_ns - first.time_ns) * 1e-9
+    bent = max(t, -BENT)
+    bend = bent * (t - 0.5 * bent)
+    q = multiply(first.q, exp(combine(first.omega, t, first.alpha, bend)))
+    way = combine(first.velocity, t, first.acceleration, bend)
+    return q, plus(first.position, way, 1.0)
+
+
+def _past(state: Motion, h: float) -> list[tuple[Quaternion, Vector3]]:
+    """Return the poses of a state, and of one and two setpoints before it, the oldest first."""
+    q, position, omega, velocity = state.q, state.position, state.omega, state.velocity
+    poses = [(q, position)]
+    for _ in range(2):
+        q, position = multiply(q, exp(plus(ZERO, omega, -h))), plus(position, velocity, -h)
+        poses.append((q, position))
+        omega, velocity = plus(omega, state.alpha, -h), plus(velocity, state.acceleration, -h)
+    return poses[::-1]
+
+
+def _knot_of(state: Motion, time_ns: int, h: float) -> Knot:
+    """Return a state as a knot, with the derivatives at its instant."""
+    omega = plus(state.omega, state.alpha, 0.5 * h)
+    velocity = plus(state.velocity, state.acceleration, 0.5 * h)
+    at = state.position, velocity, state.acceleration
+    return Knot(time_ns, state.q, omega, state.alpha, *at)
 
 
 def _time_of(knot: Knot) -> int:

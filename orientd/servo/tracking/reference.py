@@ -1,40 +1,27 @@
 """Targets, and the smooth motion that they describe together.
 
-The sender's time stamps count, not the arrival times.  Between moving targets the velocity changes
-linearly.  The network decides which targets have arrived, so the reference must not depend on that.
-It is therefore read with a delay, a little longer than targets have lately been late.  From there
-it is extrapolated to now with its velocity and its average acceleration.  A motion of constant
-velocity or acceleration is followed without lag; a change of the acceleration shows late.
-Extrapolation amplifies some frequencies.  Here these are above those of a hand's motion.  If a
-target arrives after a newer one, it is inserted as long as the reference has not been read there.
-If the sender stamps targets ahead by more than its jitter, there is no delay.
+The sender's time stamps count, not the arrival times.  The buffer keeps the samples by their
+stamps, at most :data:`CAPACITY`.  The reference is their forecast for now
+(:mod:`orientd.servo.tracking.forecast`), of orientation and position.
 
 A target at rest is an order to be there.  It counts at once and is not joined to others.  So does a
-target far from the prediction of the previous one.  A target without velocity gets the velocity of
-the previous ones, until the next one is overdue.  Then it becomes an order too.
+target far from the forecast.  A target without velocity gets the velocity of the previous ones,
+until the next one is overdue.  Then it becomes an order too.
 
 A target that arrives later replaces all waiting ones from its stamp on.  A target that is only
-late, as networks make them, lies between its neighbours and is inserted.
+late, as networks make them, lies between its neighbours and is inserted, as long as it is not older
+than targets have lately been.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections import deque
+from bisect import bisect_left, bisect_right
 from math import dist, inf
+from typing import NamedTuple, cast
 
-from orientd.driver import ZERO, Vector3
-from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
-from orientd.servo.tracking.targets import (
-    BENT,
-    FilteredTarget,
-    ReferenceState,
-    Target,
-    carried_on,
-    continued,
-    filtered,
-    joined,
-)
+from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.floats import difference, norm, normalize
+from orientd.servo.tracking.forecast import WINDOW, Forecast, Sample
 from orientd.tolerances import NORM_TOLERANCE
 
 LOOKAHEAD_NS = 10_000_000_000
@@ -43,12 +30,8 @@ LOOKAHEAD_NS = 10_000_000_000
 CAPACITY = 10_000
 """Most waiting targets: one per millisecond."""
 
-FILTERED_AT_ONCE = 16
-"""Most targets that are filtered in a cycle, the earliest ones first.
-
-A late target changes all after it.  It is more than arrive in a cycle, so those whose time has come
-are always filtered.
-"""
+REMEMBERED_NS = 600_000_000
+"""How long targets are kept that have passed."""
 
 AGREEING = 5e-3
 """How much longer the path through a late target may be than between its neighbours, rad or m."""
@@ -57,7 +40,7 @@ LARGEST = 1000.0
 """Largest plausible component of an angular velocity or a position, rad/s or m."""
 
 LONGEST_DELAY_NS = 150_000_000
-"""Age beyond which targets are extrapolated without regard to later ones."""
+"""Age beyond which a target is too late to count."""
 
 GROWTH = 0.1
 """Growth of the delay when targets are later than ever, seconds per second."""
@@ -66,16 +49,13 @@ RECOVERY = 0.01
 """Decrease of the delay, seconds per second."""
 
 SPARE = 1.3
-"""Delay of reading the reference, in multiples of the lateness of targets."""
+"""The delay in multiples of the lateness of targets."""
 
-STEADY = 0.04
-"""Least averaging time of the acceleration for the extrapolation, s."""
+STILL = 1e-4
+"""Rate below which a target without velocity stands still, rad/s."""
 
-STEADIER = 1.2
-"""The same averaging time in multiples of the delay."""
-
-SETTLING = 0.008
-"""Time in which the law follows an acceleration, s."""
+STILL_FOR = 0.1
+"""Time for which its acceleration does not change that, s."""
 
 UNEVEN = 1.25
 """Longest gap of an even stream, in multiples of the usual gap, plus two cycles."""
@@ -93,6 +73,41 @@ USUAL = 0.05
 
 FORGETTING = 0.01
 """Decay of the longest gap per gap."""
+
+
+class Target(NamedTuple):
+    """The pose for the device at a time, and its velocity there.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``; its sign does not matter.
+        omega_body: angular velocity in the target's own frame, rad/s; zero to be at rest there,
+            ``None`` to derive it from earlier targets.
+        time_ns: time of the target, monotonic clock.
+        expires_ns: time from which it no longer counts.
+        position: m; ``None`` for a position at rest anywhere.
+    """
+
+    q: Quaternion
+    omega_body: Vector3 | None
+    time_ns: int
+    expires_ns: int
+    position: Vector3 | None = None
+
+
+class ReferenceState(NamedTuple):
+    """The reference at a time.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``.
+        omega: angular velocity in the reference's own frame, rad/s.
+        alpha: angular acceleration, rad/s^2.
+        lead: expected change of that within a cycle, rad/s^2, for feed-forward.
+    """
+
+    q: Quaternion
+    omega: Vector3
+    alpha: Vector3
+    lead: Vector3 = ZERO
 
 
 class Arrivals:
@@ -141,13 +156,8 @@ class Reference:
 
     def __init__(self, period: float) -> None:
         """Create it for one call per *period* seconds."""
-        self._period_ns = period * 1e9
+        self._period, self._period_ns = period, period * 1e9
         self.clear()
-
-    @property
-    def delay(self) -> float:
-        """Delay of reading the motion, s."""
-        return self._delay_ns * 1e-9
 
     @property
     def is_disturbed(self) -> bool:
@@ -161,15 +171,21 @@ class Reference:
 
     def clear(self) -> None:
         """Forget every target."""
-        # Targets from this index on are unfiltered: they have arrived, or follow one that has.
-        self._unfiltered = 0
-        self._targets: deque[FilteredTarget] = deque()
+        self._targets: list[Target] = []
+        # As the forecasts know them; positions are fewer.
+        self._turns: list[Sample] = []
+        self._places: list[Sample] = []
         self._arrivals = Arrivals(self._period_ns)
-        self._delay_ns = 0.0
-        self._mean_alpha = ZERO
+        self._version = 0
         self._newest_ns: int | None = None
         self._is_concluded = False
-        self.last: FilteredTarget | None = None
+        self.last: Target | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._delay_ns = 0.0
+        self._turning = Forecast(self._period, is_turn=True)
+        self._moving = Forecast(self._period, is_turn=False)
 
     def take(self, target: Target, now_ns: int) -> str:
         """Accept a target.
@@ -196,38 +212,75 @@ class Reference:
         self._arrivals.note(self._newest_ns, now_ns)
         if self._newest_ns is None or time_ns > self._newest_ns:
             self._newest_ns = time_ns
-        targets.insert(place, FilteredTarget(target, target.q, ZERO, ZERO, begins=True))
-        self._unfiltered = min(self._unfiltered, place)
+        targets.insert(place, target)
+        self._turns.insert(place, Sample(time_ns, target.q, target.omega_body))
+        if target.position is not None:
+            place = bisect_left(self._places, time_ns, key=_time_of)
+            self._places.insert(place, Sample(time_ns, target.position))
+        self._version += 1
         return ""
 
     def _make_way(self, target: Target, place: int, newest_ns: int) -> None:
         """Drop the targets that *target*, stamped before the newest one, replaces."""
         targets, time_ns = self._targets, target.time_ns
         if newest_ns - time_ns <= LONGEST_DELAY_NS and 0 < place < len(targets):
-            before, after = targets[place - 1].target, targets[place].target
+            before, after = targets[place - 1], targets[place]
             if _lies_between(before, target, after):
                 if after.time_ns - time_ns < self._period_ns:
-                    del targets[place]
+                    self._drop(place, place + 1)
                 return
-        while len(targets) > place:
-            targets.pop()
+        self._drop(place, len(targets))
         self._newest_ns = time_ns
 
+    def _drop(self, begin: int, end: int) -> None:
+        """Drop the targets of these places."""
+        if begin >= end:
+            return
+        first_ns, last_ns = self._targets[begin].time_ns, self._targets[end - 1].time_ns
+        places = self._places
+        del places[
+            bisect_left(places, first_ns, key=_time_of) : bisect_right(
+                places, last_ns, key=_time_of
+            )
+        ]
+        del self._targets[begin:end], self._turns[begin:end]
+        self._version += 1
+
     def _has_room(self, time_ns: int, place: int, now_ns: int) -> bool:
-        """Whether a late target can be inserted: the motion has not been read there."""
+        """Whether a late target can be inserted: it is no older than others, nor replaces one."""
         targets = self._targets
-        is_read = place == 0 or time_ns <= now_ns - self._delay_ns
-        return not is_read and (place == len(targets) or targets[place].target.time_ns > time_ns)
+        is_late = place == 0 or time_ns <= now_ns - self._delay_ns
+        return not is_late and (place == len(targets) or targets[place].time_ns > time_ns)
 
     def at(self, now_ns: int) -> ReferenceState | None:
         """Return the motion at *now_ns*, or ``None`` without a live target."""
         targets = self._targets
-        count, end = len(targets), min(len(targets), self._unfiltered + FILTERED_AT_ONCE)
-        for k in range(self._unfiltered, end):
-            targets[k] = filtered(targets[k - 1] if k else None, targets[k].target)
-        motion = self._read(now_ns)
-        self._unfiltered = max(0, end - (count - len(targets)))
-        return motion
+        self.last = None
+        if self._is_concluded and targets and now_ns < targets[-1].expires_ns:
+            return self._at_rest(targets[-1])
+        due = bisect_right(targets, now_ns, key=_time_of) - 1
+        if due < 0:
+            return None
+        if now_ns >= targets[due].expires_ns:
+            self._drop(0, due + 1)
+            self._forget()
+            return None
+        past = min(bisect_left(targets, now_ns - REMEMBERED_NS, key=_time_of), due - WINDOW)
+        if past > WINDOW:
+            self._drop(0, past)
+            due -= past
+        self.last, newest = targets[due], targets[-1]
+        stale_ns = now_ns - newest.time_ns
+        is_open = newest.omega_body is None
+        if is_open and stale_ns >= 0 and self._arrivals.have_ceased(now_ns):
+            return self._at_rest(newest)
+        self._delay_by(stale_ns)
+        found = self._turning.at(self._turns, self._version, now_ns)
+        q, omega, alpha, lead = cast(Quaternion, found.value), *found[1:]
+        is_still = norm(omega) + STILL_FOR * norm(alpha) < STILL
+        if self.last.omega_body == ZERO or (self.last.omega_body is None and is_still):
+            return ReferenceState(self.last.q, ZERO, ZERO)
+        return ReferenceState(q, omega, alpha, lead)
 
     def position_at(self, now_ns: int) -> tuple[Vector3, Vector3, Vector3] | None:
         """Return position, velocity and acceleration of the target at *now_ns*, if it has any.
@@ -235,15 +288,13 @@ class Reference:
         Call it after :meth:`at` for the same time.  The units are m and s.
         """
         last = self.last
-        if last is None or last.travelling is None or last.target.position is None:
+        if last is None or last.position is None:
             return None
         is_end = last is self._targets[-1] and self._arrivals.have_ceased(now_ns)
         if is_end or self._is_concluded:
-            return last.target.position, ZERO, ZERO
-        found, since = last.travelling, (now_ns - last.target.time_ns) * 1e-9
-        way, velocity = carried_on(found.velocity, found.acceleration, since)
-        acceleration = found.acceleration if since < BENT else ZERO
-        return plus(last.position, way, 1.0), velocity, acceleration
+            return last.position, ZERO, ZERO
+        found = self._moving.at(self._places, self._version, now_ns)
+        return cast(Vector3, found.value), found.rate, found.change
 
     def end(self, now_ns: int) -> tuple[Target, float] | None:
         """Return the target that is known to be the last, and the time until then, s.
@@ -253,96 +304,36 @@ class Reference:
         if not self._targets or self._is_concluded:
             return None
         newest = self._targets[-1]
-        left_ns = newest.target.time_ns - now_ns
+        left_ns = newest.time_ns - now_ns
         if left_ns <= 0:
             return None
-        omega = newest.target.omega_body
+        omega = newest.omega_body
         is_end = self._arrivals.have_ceased(now_ns) if omega is None else omega == ZERO
-        return (newest.target, left_ns * 1e-9) if is_end else None
+        return (newest, left_ns * 1e-9) if is_end else None
 
     def conclude(self) -> None:
         """Make the last target an order to be there from now on, until another one arrives."""
         self._is_concluded = True
 
-    def _read(self, now_ns: int) -> ReferenceState | None:
-        targets = self._targets
-        self.last = None
-        if self._is_concluded and targets and now_ns < targets[-1].target.expires_ns:
-            return self._at_rest(targets[-1])
-        due, first = -1, 0
-        for k, each in enumerate(targets):
-            if each.target.time_ns > now_ns:
-                break
-            due = k
-            if each.begins:
-                first = k
-        if due < 0:
-            return None
-        if now_ns >= targets[due].target.expires_ns:
-            for _ in range(due + 1):
-                targets.popleft()
-            self._delay_ns = 0.0
-            self._mean_alpha = ZERO
-            return None
-        self.last = targets[due]
-        for _ in range(first):
-            targets.popleft()
-        newest = targets[-1]
-        stale_ns = now_ns - newest.target.time_ns
-        is_open = newest.target.omega_body is None
-        if is_open and stale_ns >= 0 and self._arrivals.have_ceased(now_ns):
-            return self._at_rest(newest)
-        delay_ns = self._delay_by(stale_ns)
-        while (
-            len(targets) > 1
-            and targets[1].target.time_ns <= now_ns - delay_ns
-            and not targets[1].begins
-        ):
-            targets.popleft()
-        here = targets[0]
-        since = (now_ns - here.target.time_ns) * 1e-9
-        ahead = delay_ns * 1e-9
-        if here.begins and since <= ahead:
-            self._mean_alpha = ZERO
-            found = continued(here, since)
-            return ReferenceState(normalize(found.q), found.omega, ZERO)
-        since = max(since - ahead, 0.0)
-        if len(targets) == 1 or targets[1].begins:
-            past = continued(here, since)
-        else:
-            past = joined(here, targets[1], since)
-        return self._carried(past, ahead)
+    @property
+    def begins(self) -> bool:
+        """Whether the newest target whose time has come begins a motion."""
+        return self.last is not None and self.last.time_ns == self._turning.begin_ns
 
-    def _at_rest(self, newest: FilteredTarget) -> ReferenceState:
+    def _at_rest(self, newest: Target) -> ReferenceState:
         """Return the newest target as an order to be there."""
-        self.last, self._mean_alpha = newest, ZERO
-        return ReferenceState(newest.target.q, ZERO, ZERO)
+        self.last = newest
+        return ReferenceState(newest.q, ZERO, ZERO)
 
-    def _delay_by(self, stale_ns: float) -> float:
-        """Choose the delay at which the motion is read, and return it, ns."""
+    def _delay_by(self, stale_ns: float) -> None:
+        """Follow how old targets are."""
         period_ns, last_ns = self._period_ns, self._delay_ns
         least_ns = max(min(SPARE * stale_ns, LONGEST_DELAY_NS), last_ns - RECOVERY * period_ns, 0.0)
-        self._delay_ns = delay_ns = min(least_ns, last_ns + GROWTH * period_ns)
-        return delay_ns
-
-    def _carried(self, past: ReferenceState, ahead: float) -> ReferenceState:
-        """Return the motion *ahead* (s) of the read one."""
-        mean, period = self._mean_alpha, self._period_ns * 1e-9
-        share = period / max(STEADY, STEADIER * ahead)
-        change = combine(past.alpha, share, mean, -share)
-        self._mean_alpha = mean = plus(mean, change, 1.0)
-        half = 0.5 * ahead * ahead
-        turn = combine(past.omega, ahead, mean, half)
-        # The derivative of that, with the velocity and the average both changing.
-        omega = plus(plus(past.omega, past.alpha, ahead), change, half / period)
-        # It also lags by the time in which the law follows an acceleration.
-        lead = 0.0 if self.is_disturbed else (ahead + SETTLING) / period
-        q = normalize(multiply(past.q, exp(turn)))
-        return ReferenceState(q, omega, past.alpha, plus(ZERO, change, lead))
+        self._delay_ns = min(least_ns, last_ns + GROWTH * period_ns)
 
 
-def _time_of(filtered_target: FilteredTarget) -> int:
-    return filtered_target.target.time_ns
+def _time_of(target: Target | Sample) -> int:
+    return target.time_ns
 
 
 def _problem_of(target: Target, now_ns: int) -> str:

@@ -28,7 +28,7 @@ from orientd.servo.tracking.guidance import Place
 from orientd.servo.tracking.joint_tracker import JointTracker
 from orientd.servo.tracking.law import NO_LIMITS, SLACK, Course, Law
 from orientd.servo.tracking.preview import Motion
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream.records import HELD_WORD, LEFT_OUT_WORD, ServoLimits
 from orientd.stream.ring import RecordRing
@@ -216,7 +216,7 @@ class TargetFollower:
                 place = Place(target.position, ZERO)
         course = Course(place.velocity, place.acceleration, place.next_acceleration)
         is_moving = place.velocity != ZERO or place.next_acceleration != ZERO
-        gains, slack = (law.rest.softened(0.0, h), SLACK) if is_moving else (law.rest, inf)
+        gains, slack = (law.rest.softened(h), SLACK) if is_moving else (law.rest, inf)
         way = plus(place.position, guard.position, -1.0)
         state = way, guard.velocity, guard.acceleration
         acceleration = law.pursue(state, course, gains, slack=slack)
@@ -311,7 +311,7 @@ class TargetFollower:
         chunk = waiting.pop(0)
         at = guard.position, guard.velocity, guard.acceleration
         sent = Motion(guard.q, guard.omega, guard.alpha, *at)
-        self.tracker.guidance.take_chunk(
+        self.tracker.take_chunk(
             chunk.knots, sent, now_ns - self._period_ns, has_positions=chunk.has_positions
         )
         write_report(self._chunks, self.tracker.preview)

@@ -14,8 +14,8 @@ from orientd.servo.tracking.guidance import Guidance
 from orientd.servo.tracking.law import NO_LIMITS, SLACK, Calm, Course, Gains, Law
 from orientd.servo.tracking.preview import Motion, Preview, PreviewState
 from orientd.servo.tracking.quintic import Knot
+from orientd.servo.tracking.reference import ReferenceState, Target
 from orientd.servo.tracking.stop_filter import RESERVE, StopFilter
-from orientd.servo.tracking.targets import ReferenceState, Target
 from orientd.stream.records import ServoLimits
 
 _ARRIVED = 1e-8
@@ -105,29 +105,19 @@ class Tracker:
         return self.guidance.take(target, now_ns)
 
     def take_chunk(
-        self,
-        knots: Sequence[Knot],
-        now_ns: int,
-        moving: tuple[Vector3, Vector3, Vector3],
-        *,
-        has_positions: bool,
+        self, knots: Sequence[Knot], sent: Motion, sent_ns: int, *, has_positions: bool
     ) -> str:
-        """Take a chunk that arrived in the cycle that is due at *now_ns*.
+        """Take a chunk; return an empty string, or why it was refused.
 
         Args:
             knots: its curve, times ascending.
-            now_ns: when the next setpoint is due.
-            moving: position (m), velocity (m/s) and acceleration (m/s^2) at the last setpoint.
+            sent: the last setpoint.
+            sent_ns: the time of that.
             has_positions: whether the chunk says where to be.
-
-        Returns:
-            An empty string, or why it was refused.
         """
-        sent_ns = now_ns - self._period_ns
-        sent = Motion(self._q, self._omega, self._alpha, *moving)
         problem = self.guidance.take_chunk(knots, sent, sent_ns, has_positions=has_positions)
         if not problem:
-            self._forget()
+            self._forget_need()
         return problem
 
     def cease(self) -> None:
@@ -135,9 +125,12 @@ class Tracker:
         self.guidance.cease()
         self._forget()
 
-    def _forget(self) -> None:
+    def _forget_need(self) -> None:
         self._twist = self._last_alpha = ZERO
         self._law.need.forget()
+
+    def _forget(self) -> None:
+        self._forget_need()
         if self._detour is not None:
             self._detour.forget()
 
@@ -235,8 +228,7 @@ class Tracker:
     def _closing_in(self, turn: Vector3, gains: Gains) -> Vector3:
         """Return the acceleration of the next step along a turn that ends at rest."""
         self._calm.release()
-        self._twist = self._last_alpha = ZERO
-        self._law.need.forget()
+        self._forget_need()
         return self._law.pursue((turn, self._omega, self._alpha), _REST, gains)
 
     def _around(self, target: Quaternion, omega: Vector3) -> Vector3 | None:
@@ -259,5 +251,5 @@ class Tracker:
 
     @property
     def _soft(self) -> Gains:
-        """The gains for a moving target, at the present delay."""
-        return self._law.rest.softened(self.guidance.reference.delay, self._period)
+        """The gains for a moving target."""
+        return self._law.rest.softened(self._period)

@@ -33,6 +33,7 @@ def make_calls():
         curve.evaluate(np.linspace(*curve.domain, 50))
     follow_arms()
     follow_vector()
+    foretell()
     start = State.at_rest(keyframes(2)[0])
     rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
@@ -101,6 +102,21 @@ def follow_vector():
     kernels.pursue_vector(limits, PERIOD, state, 0.1 * state, following, taken, found)
     kernels.halt_vector(limits, PERIOD, state, np.full(3, 0.1), found)
     kernels.stop_clearance(limits, PERIOD, state, np.array([[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1]]))
+
+
+def foretell():
+    """Fit samples with and without rates, and score and read the fits."""
+    fits, scores = np.zeros((77, 24)), np.zeros((77, 2))
+    mean, found = np.zeros(24), np.zeros(12)
+    times = -0.02 * np.arange(27.0)
+    values = np.stack([0.1 * np.sin(times), 0.2 * times, 0.1 * np.cos(3.0 * times)], axis=1)
+    rates = np.gradient(values, times, axis=0)
+    for samples in ([times[:, None], values], [times[:, None], values, rates]):
+        kernels.fit_samples(np.concatenate(samples, axis=1), 0.05, fits)
+        kernels.mix_fits(fits, scores, mean)
+        kernels.score_fits(fits, 0.02, values[0], 0.06, scores)
+        kernels.mix_fits(fits, scores, mean)
+        kernels.read_fit(mean, 0.02, found)
 
 
 def planned(keys, start, **fields):

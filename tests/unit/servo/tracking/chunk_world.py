@@ -4,6 +4,7 @@ from tracking_world import NS, World
 
 from orientd.driver import ZERO
 from orientd.servo.tracking.chunks import smoothed
+from orientd.servo.tracking.preview import Motion
 from orientd.stream.records import Sample
 
 
@@ -13,9 +14,9 @@ class ChunkWorld(World):
     def chunk(self, samples):
         """Hand over (time_ns, q) or (time_ns, q, omega) at the next cycle; return the answer."""
         knots = smoothed([Sample(*sample) for sample in samples], self.limits)
-        at_rest = (ZERO, ZERO, ZERO)
-        due_ns = self.now_ns + self.period_ns
-        return self.tracker.take_chunk(knots, due_ns, at_rest, has_positions=False)
+        guard = self.guard
+        sent = Motion(guard.q, guard.omega, guard.alpha, ZERO, ZERO, ZERO)
+        return self.tracker.take_chunk(knots, sent, self.now_ns, has_positions=False)
 
     def poses(self, begin_ns, count, hz, motion):
         """Return *count* samples of *motion*, a function of seconds since the world began."""

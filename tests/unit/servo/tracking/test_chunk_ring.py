@@ -149,6 +149,18 @@ def test_positions_faster_than_the_limits_are_behind_by_a_distance_and_a_delay()
     assert report.lag == 0.0
 
 
+def test_positions_that_are_anchored_anew_cost_no_more_than_a_part_of_the_limits():
+    rig, rng = playing(), random.Random(3)
+    for _ in range(12):
+        aside = rng.uniform(-0.06, 0.06)
+        begin_ns = rig.clock.now_ns() - NS // 10
+        chunk(rig, begin_ns, 30, motion=lambda t, x=aside: (exp(ZERO), (0.1 * t + x, 0.0, 0.0)))
+        rig.run(150)
+    along = np.array([s.position[0] for s in rig.driver.setpoints])
+    assert along[-1] == pytest.approx(0.1 * len(along) * PERIOD, abs=0.1)
+    assert np.abs(np.diff(along, 2)).max() / PERIOD**2 < 0.98 * LIMITS.linear_acceleration
+
+
 def test_chunks_that_are_all_late_have_starved_the_device():
     rig = playing()
     for _ in range(3):

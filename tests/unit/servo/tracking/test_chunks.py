@@ -11,7 +11,7 @@ from tracking_world import NS, angle, servo_limits
 
 from orientd.driver import ZERO
 from orientd.floats import difference, dot, exp, multiply, norm, plus
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 
 LIMITS = servo_limits(3.75, 25.0, 8500.0)
 GENTLE = servo_limits(2.0, 10.0, 100.0)
@@ -151,6 +151,22 @@ def test_the_next_chunk_in_time_leaves_no_trace_of_an_end():
             speed = norm(world.step().omega_body)
             speeds += [speed] * (k > 4)
     assert speeds == pytest.approx([1.5] * len(speeds), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "ahead_ns", [-2_000_001, -1, 0, 1, 4_409, 1_999_999, 2_000_001, 33_000_000]
+)
+def test_chunks_that_agree_leave_no_trace_wherever_their_first_pose_is(ahead_ns):
+    world, apart, peak = ChunkWorld(LIMITS), 0.0, 0.0
+    for _ in range(10):
+        poses = world.poses(world.now_ns + ahead_ns, 16, 30, lambda t: about(0.3 * sin(2.0 * t)))
+        world.chunk(poses)
+        for point in world.run(0.3):
+            if world.now > 2.5:
+                peak = max(peak, norm(point.alpha_body))
+        apart = max(apart, angle(world.guard.q, about(0.3 * sin(2.0 * (world.now - 1.0)))))
+    assert apart < 1e-4
+    assert peak < 1.02 * 0.3 * 2.0**2
 
 
 def test_chunks_that_are_anchored_anew_cost_no_more_than_a_part_of_the_limits():

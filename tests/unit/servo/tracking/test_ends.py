@@ -9,7 +9,7 @@ from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import difference, exp, multiply, norm
 from orientd.servo.double_s import stopping_angle
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)
 IDENTITY = (1.0, 0.0, 0.0, 0.0)

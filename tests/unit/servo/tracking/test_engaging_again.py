@@ -12,7 +12,7 @@ from orientd.driver import ZERO
 from orientd.floats import exp, multiply, plus
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import quaternion, vector
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 
 TIMES = 1000
 HAND_NS, REPORT_NS = NS // 60, NS // 20

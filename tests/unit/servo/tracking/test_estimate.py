@@ -9,7 +9,7 @@ from test_streams import follow
 from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import exp, norm
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)
 AXIS = (0.36, -0.48, 0.8)

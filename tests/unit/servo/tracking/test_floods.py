@@ -7,8 +7,9 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig
 from setpoint_checker import reached
 from tracking_world import NS, World, servo_limits
 
+from orientd import kernels
 from orientd.floats import difference, exp, norm
-from orientd.servo.tracking import reference
+from orientd.servo.tracking import forecast
 from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Answer, Command, ServoState
 
 AMPLITUDE, HERTZ = 0.349, 0.25
@@ -71,28 +72,25 @@ def test_targets_that_the_ring_has_lost_are_counted():
 
 
 def test_a_late_target_before_many_changes_few_in_a_cycle(monkeypatch):
-    counted, whole = [0], reference.filtered
+    counted, whole = [0, 0], kernels.fit_samples
 
-    def filtered(before, target):
-        counted[0] += 1
-        return whole(before, target)
+    def fit_samples(samples, *others):
+        counted[0], counted[1] = counted[0] + 1, max(counted[1], len(samples))
+        whole(samples, *others)
 
-    monkeypatch.setattr(reference, "filtered", filtered)
+    monkeypatch.setattr(kernels, "fit_samples", fit_samples)
     world = World(servo_limits(2.5, 17.0, 8500.0))
     # Within the time by which a late target is only late, far denser than any sender needs.
     begin, gap = world.now_ns + NS, 140_000_000 // 5000
     for k in range(5000):
         assert not world.take(exp((0.0, 0.0, 1e-5 * k)), time_ns=begin + k * gap, live=10.0)
     for _ in range(400):
-        counted[0] = 0
         world.step()
-        assert counted[0] <= 2 * reference.FILTERED_AT_ONCE
     late = begin + gap + gap // 2
     assert not world.take(exp((0.0, 0.0, 1.5e-5)), time_ns=late, live=10.0)
-    most = 0
     for _ in range(800):
         counted[0] = 0
         world.step()
-        most = max(most, counted[0])
-    assert most <= 2 * reference.FILTERED_AT_ONCE
+        assert counted[0] <= 1
+    assert counted[1] <= forecast.WINDOW
     assert norm(difference(world.guard.q, exp((0.0, 0.0, 0.05)))) < 1e-4

@@ -9,7 +9,7 @@ import pytest
 from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import difference, exp, multiply, norm
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 
 LIMITS = servo_limits(4.0, 20.0, 400.0)
 SECONDS, SETTLED = 6.0, 1.5

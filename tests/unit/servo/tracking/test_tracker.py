@@ -10,7 +10,7 @@ from tracking_world import NS, World, angle, quickest_stop, servo_limits
 
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply, norm, normalize
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.tracker import Tracker
 
 LIMITS = [

@@ -8,7 +8,7 @@ import pytest
 from tracking_world import World, servo_limits
 
 from orientd.floats import exp, multiply, normalize
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 
 BROKEN = [
     (0.0, 0.0, 0.0, 0.0),

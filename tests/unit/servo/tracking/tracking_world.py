@@ -5,7 +5,7 @@ from orientd.floats import difference, exp, multiply, norm, normalize, plus
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.tracking.law import Law
-from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.tracker import Tracker
 from orientd.stream.records import ServoLimits
 
