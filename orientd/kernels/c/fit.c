@@ -157,8 +157,8 @@ void score_fits(matrix_t fits, double t, row_t value, double learning, matrix_t 
     }
 }
 
-double mix_fits(matrix_t fits, matrix_t scores, row_t mean) {
-    double total = 0.0, best = INFINITY;
+void mix_fits(matrix_t fits, matrix_t scores, row_t mean) {
+    double total = 0.0;
     memset(mean.v, 0, FIT_NUMBERS * sizeof(double));
     const double *simplest = NULL;
     for (index_t i = 0; i < FITS; i++) {
@@ -171,11 +171,10 @@ double mix_fits(matrix_t fits, matrix_t scores, row_t mean) {
         double error = score[0] + ROUNDING * (double)(1 + i / FIT_DEGREES);
         double weight = 1.0 / (error * error);
         weight *= weight, weight *= weight;
-        total += weight, best = smaller(best, score[0]);
+        total += weight;
         for (int k = 0; k < FIT_NUMBERS; k++)
             mean.v[k] += weight * fit[k];
     }
     for (int k = 0; k < FIT_NUMBERS; k++)
         mean.v[k] = total > 0.0 ? mean.v[k] / total : simplest ? simplest[k] : 0.0;
-    return total > 0.0 ? best : -1.0;
 }

@@ -24,7 +24,7 @@ enum {
     FORECAST = 12,
 };
 
-/* Write all fits; the first number is not one where samples are too few.
+/* Write all fits; the first number of a fit is NaN if its samples are too few.
  *
  * samples: newest first, times ascending by their distance from the newest; at least one.
  * trust: time for which a rate counts more than a value, s. */
@@ -33,9 +33,8 @@ void fit_samples(matrix_t samples, double trust, matrix_t fits);
 /* Note how well fits have foretold the value of a sample at a time; each counts by learning. */
 void score_fits(matrix_t fits, double t, row_t value, double learning, matrix_t scores);
 
-/* Write the mean of all fits; returns its expected error, the least of any fit, or -1 if no fit
- * has foretold anything: the mean is then the simplest fit. */
-double mix_fits(matrix_t fits, matrix_t scores, row_t mean);
+/* Write the mean of all fits, weighted by their scores; the simplest fit if none has a score. */
+void mix_fits(matrix_t fits, matrix_t scores, row_t mean);
 
 /* Write value, rate and its first two derivatives of a polynomial at a time. */
 void read_fit(row_t polynomial, double t, row_t forecast);

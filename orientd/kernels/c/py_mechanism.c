@@ -137,9 +137,8 @@ KERNEL(mix_fits) {
     TAKE("mmV");
     CHECK(is_table(a[0].m, FIT_NUMBERS) && is_table(a[1].m, FIT_SCORE));
     CHECK(a[2].v.n == FIT_NUMBERS);
-    double error;
-    RUN_AT_ONCE(error = mix_fits(a[0].m, a[1].m, a[2].v));
-    return PyFloat_FromDouble(error);
+    RUN_AT_ONCE(mix_fits(a[0].m, a[1].m, a[2].v));
+    Py_RETURN_NONE;
 }
 
 KERNEL(read_fit) {
