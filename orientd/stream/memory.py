@@ -47,8 +47,8 @@ LONGEST_READ_WORD, LONGEST_WRITE_WORD = 1, 2
 """Words of the pulse: the longest read and write of the driver so far, ns."""
 
 GIVEN_UP_WORD = 1
-"""Word of the command ring: one more than the index of the newest command whose sender timed out.
-Of the commands below it, the servo still carries out only stops.
+"""Word of the command ring: one more than the index of the newest command whose sender timed out,
+other than a stop.  Of the commands below it, the servo still carries out only stops.
 """
 
 

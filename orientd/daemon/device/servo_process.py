@@ -417,7 +417,8 @@ class ServoProcess:
                     silent = f"the servo did not answer {name} within {timeout:g} s"
                     problem = busy.describe(now) if busy else silent
             if problem:
-                memory.commands.words[GIVEN_UP_WORD] = index + 1
+                if command not in _STOPPING:
+                    memory.commands.words[GIVEN_UP_WORD] = index + 1
                 self._take(index)
                 raise DaemonError(problem)
             time.sleep(_POLL if now < begun + ANSWER_TIMEOUT else _SLOW_POLL)

@@ -106,6 +106,22 @@ def test_a_stop_of_what_moves_waits_for_its_answer_behind_a_slow_command(servo):
     assert refused
 
 
+def test_a_stop_without_an_answer_does_not_give_up_the_slow_command_before_it(servo, gate):
+    await_cycles(servo)
+    block(servo, gate)
+    answered = []
+    resetting = threading.Thread(target=lambda: answered.append(servo.ask(Command.RESET)))
+    resetting.start()
+    until(lambda: servo._slow is not None, "the reset")
+    with pytest.raises(DaemonError, match="reset is under way"):
+        servo.ask(Command.STOP)
+    with gate.open("w"):
+        gate.unlink()
+    resetting.join(20.0)
+    assert len(answered) == 1
+    servo.ask(Command.ENABLE)
+
+
 def test_a_fault_whose_words_have_not_arrived_is_named_by_its_code(servo, monkeypatch):
     await_cycles(servo)
     fault = dataclasses.replace(
