@@ -19,7 +19,7 @@ from orientd.errors import RequestError, StateError
 from orientd.floats import difference, norm
 from orientd.model.plain import to_plain
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.targets import check_chunk_times, pose_problem
+from orientd.protocol.targets import check_chunk_times, pose_problem, stamp_problem
 from orientd.protocol.values import to_quaternion
 from orientd.rotation import Quaternion, is_rotation
 from orientd.stream.records import CHUNK_POSES
@@ -36,6 +36,9 @@ MOST_RATE_HZ = 2000.0
 
 LONGEST_SETTLING = 30.0
 """How long after the last pose is due a block waits for the device to rest there, s."""
+
+_ABSENT = {"longest_inference": math.inf, "latency_p50": None, "latency_p95": None}
+"""Figures that are not known from the beginning on."""
 
 _LOOK = 0.01
 """Seconds from one look at the newest report to the next."""
@@ -54,17 +57,27 @@ class PlayTiming:
         refusal: why the last of them was refused, a pose skipped, or a chunk too late; empty for
             none.
         starved: chunks that came after the poses had run out, with poses to come or without.
+        smoothed: chunks that were smoothed because their curve would break the limits.
+        largest_smoothing: largest angle by which that turned a pose, rad.
+        largest_position_smoothing: largest distance by which it moved one, m.
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
+        largest_position_seam: largest distance by which it did, m.
         behind: angle from the newest setpoint to the poses, rad, because of the limits.
         largest_behind: largest value of *behind* so far, rad.
-        lag: delay behind the poses that fits the last second best, s; 0 if the limits allow all.
+        lag: delay behind the poses that fits the last second best, s; 0 if the limits allow all,
+            or the poses stand still.
         position_behind: distance from the newest setpoint to the position of the poses, m, because
             of the limits.
         largest_position_behind: largest value of *position_behind* so far, m.
         position_lag: delay of the position behind the poses, as *lag* is that of the orientation.
-        inference: longest time from the first pose of a chunk until the call that sends it, s.
-        longest_inference: largest *inference* for which the poses do not run out, s; infinite
-            before the second chunk, unless all poses of the first one are late.
+        inference: longest time from the observation of a chunk until the call that sends it, s.  If
+            a chunk names no observation, its first pose stands for it.
+        longest_inference: largest *inference* of a chunk for which the poses do not run out, s:
+            the least time from an observation to the end of the poses that were known before it.
+            Infinite before the second chunk, unless all poses of the first one are late.
+        latency_p50: time from the observation that a chunk names to the first setpoint that it
+            shapes, s: half of the newest 256 such chunks took no longer; ``None`` before the first.
+        latency_p95: the same for 95 of 100 of them, s.
     """
 
     chunks: int
@@ -74,7 +87,11 @@ class PlayTiming:
     refused: int
     refusal: str
     starved: int
+    smoothed: int
+    largest_smoothing: float
+    largest_position_smoothing: float
     largest_seam: float
+    largest_position_seam: float
     behind: float
     largest_behind: float
     lag: float
@@ -83,6 +100,8 @@ class PlayTiming:
     position_lag: float
     inference: float
     longest_inference: float
+    latency_p50: float | None
+    latency_p95: float | None
 
 
 class Playing(Tracking):
@@ -96,7 +115,6 @@ class Playing(Tracking):
     _last_ns = 0
     _last_q = IDENTITY
     _inference = -math.inf
-    _least_left = math.inf
     _sent = 0
 
     def chunk(
@@ -109,6 +127,7 @@ class Playing(Tracking):
         positions: ArrayLike | None = None,
         angular_velocities: ArrayLike | None = None,
         velocity_frame: Frame = "body",
+        observed: float | None = None,
         tolerance: float = 0.0,
         position_tolerance: float = 0.0,
     ) -> None:
@@ -119,7 +138,7 @@ class Playing(Tracking):
         of range or reach; see :meth:`timing`.  An event of the device tells the first of them.
 
         Args:
-            poses: 1 to 64 orientations, each in a form that :meth:`.Robot.move` takes, or a
+            poses: 1 to 256 orientations, each in a form that :meth:`.Robot.move` takes, or a
                 ``Rotation`` of SciPy with as many rotations.  A mapping may have a ``position``.
             rate: poses a second, at most 2000.
             start: when the first pose is due, s, by :func:`time.monotonic` of this machine;
@@ -131,6 +150,8 @@ class Playing(Tracking):
             angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` to derive them from
                 the poses.
             velocity_frame: frame of the angular velocities.
+            observed: when the observation was made that the chunk answers, s, by that clock.  It
+                counts for the latencies of :meth:`timing`; ``None`` for no such observation.
             tolerance: how far each orientation may be turned to smooth the chunk, rad.
             position_tolerance: how far each position may be moved for that, m.
 
@@ -161,6 +182,8 @@ class Playing(Tracking):
                 stamps, orientations, places, tolerance, position_tolerance
             )
         message = pb.TrackChunk(times_ns=stamps)
+        if observed is not None:
+            message.observed_ns = _observed_ns(observed)
         message.orientations.extend(number for q in orientations for number in q)
         message.positions.extend(number for place in places for number in place)
         rows = []
@@ -173,22 +196,20 @@ class Playing(Tracking):
         self._sent += 1
         self._last_ns, self._last_q = max(zip(stamps, orientations, strict=True))
         now_ns = time.monotonic_ns()
-        self._inference = max(self._inference, 1e-9 * (now_ns - min(stamps)))
-        if self._last_ns < now_ns:  # the servo takes none of its poses, and measures nothing
-            self._least_left = min(self._least_left, 1e-9 * (self._last_ns - now_ns))
+        begin_ns = message.observed_ns or min(stamps)
+        self._inference = max(self._inference, 1e-9 * (now_ns - begin_ns))
 
     def timing(self) -> PlayTiming:
         """Return how the device has followed the chunks, from the newest report."""
         found = self.report.chunks
-        left = min(found.least_left if found.HasField("least_left") else math.inf, self._least_left)
-        inference = max(self._inference, 0.0)
         counted = {field.name for field in fields(PlayTiming)} & {*found.DESCRIPTOR.fields_by_name}
+        figures = {name: getattr(found, name) for name in counted}
+        figures |= {name: none for name, none in _ABSENT.items() if not found.HasField(name)}
         return PlayTiming(
-            **{name: getattr(found, name) for name in counted},
+            **figures,
             refused=self.report.refused,
             refusal=self.report.refusal,
-            inference=inference,
-            longest_inference=max(inference + left, 0.0),
+            inference=max(self._inference, 0.0),
         )
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -360,6 +381,21 @@ def _stamps(
     stamps, now_ns = [round(1e9 * when) for when in seconds], time.monotonic_ns()
     check_chunk_times(place, min(stamps), max(stamps), now_ns, is_seconds=True, clock=CLOCK)
     return stamps
+
+
+def _observed_ns(observed: object) -> int:
+    """Return the time of an observation, ns of this machine's monotonic clock.
+
+    Raises:
+        RequestError: it is no time, to come, or too long ago.
+    """
+    if not _is_number(observed) or not math.isfinite(observed):
+        raise RequestError("observed", f"expected seconds of {CLOCK}, got {observed!r}")
+    observed_ns, now_ns = round(1e9 * float(observed)), time.monotonic_ns()
+    problem = stamp_problem(observed_ns, now_ns, ahead=0.0, is_seconds=True, clock=CLOCK)
+    if problem:
+        raise RequestError("observed", problem)
+    return observed_ns
 
 
 def _seconds(place: str, given: object) -> float:

@@ -206,6 +206,8 @@ class Tracking(Pointing):
         stamped.CopyFrom(request)
         if stamped.target.time_ns:
             stamped.target.time_ns += offset_ns
+        if stamped.chunk.observed_ns:
+            stamped.chunk.observed_ns += offset_ns
         if stamped.chunk.times_ns:
             stamped.chunk.times_ns[:] = [time_ns + offset_ns for time_ns in request.chunk.times_ns]
         return stamped

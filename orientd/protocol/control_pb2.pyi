@@ -1059,18 +1059,20 @@ class TrackTarget(_message.Message):
     def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class TrackChunk(_message.Message):
-    __slots__ = ("times_ns", "orientations", "positions", "angular_velocities", "velocity_frame")
+    __slots__ = ("times_ns", "orientations", "positions", "angular_velocities", "velocity_frame", "observed_ns")
     TIMES_NS_FIELD_NUMBER: _ClassVar[int]
     ORIENTATIONS_FIELD_NUMBER: _ClassVar[int]
     POSITIONS_FIELD_NUMBER: _ClassVar[int]
     ANGULAR_VELOCITIES_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
+    OBSERVED_NS_FIELD_NUMBER: _ClassVar[int]
     times_ns: _containers.RepeatedScalarFieldContainer[int]
     orientations: _containers.RepeatedScalarFieldContainer[float]
     positions: _containers.RepeatedScalarFieldContainer[float]
     angular_velocities: _containers.RepeatedScalarFieldContainer[float]
     velocity_frame: Frame
-    def __init__(self, times_ns: _Optional[_Iterable[int]] = ..., orientations: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., angular_velocities: _Optional[_Iterable[float]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ...) -> None: ...
+    observed_ns: int
+    def __init__(self, times_ns: _Optional[_Iterable[int]] = ..., orientations: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., angular_velocities: _Optional[_Iterable[float]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., observed_ns: _Optional[int] = ...) -> None: ...
 
 class TrackRequest(_message.Message):
     __slots__ = ("start", "target", "chunk")
@@ -1083,7 +1085,7 @@ class TrackRequest(_message.Message):
     def __init__(self, start: _Optional[_Union[TrackStart, _Mapping]] = ..., target: _Optional[_Union[TrackTarget, _Mapping]] = ..., chunk: _Optional[_Union[TrackChunk, _Mapping]] = ...) -> None: ...
 
 class ChunkReport(_message.Message):
-    __slots__ = ("chunks", "live", "stale", "skipped", "starved", "largest_seam", "behind", "largest_behind", "least_left", "lag", "position_behind", "largest_position_behind", "position_lag")
+    __slots__ = ("chunks", "live", "stale", "skipped", "starved", "largest_seam", "behind", "largest_behind", "longest_inference", "lag", "position_behind", "largest_position_behind", "position_lag", "largest_position_seam", "latency_p50", "latency_p95", "smoothed", "largest_smoothing", "largest_position_smoothing")
     CHUNKS_FIELD_NUMBER: _ClassVar[int]
     LIVE_FIELD_NUMBER: _ClassVar[int]
     STALE_FIELD_NUMBER: _ClassVar[int]
@@ -1092,11 +1094,17 @@ class ChunkReport(_message.Message):
     LARGEST_SEAM_FIELD_NUMBER: _ClassVar[int]
     BEHIND_FIELD_NUMBER: _ClassVar[int]
     LARGEST_BEHIND_FIELD_NUMBER: _ClassVar[int]
-    LEAST_LEFT_FIELD_NUMBER: _ClassVar[int]
+    LONGEST_INFERENCE_FIELD_NUMBER: _ClassVar[int]
     LAG_FIELD_NUMBER: _ClassVar[int]
     POSITION_BEHIND_FIELD_NUMBER: _ClassVar[int]
     LARGEST_POSITION_BEHIND_FIELD_NUMBER: _ClassVar[int]
     POSITION_LAG_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_POSITION_SEAM_FIELD_NUMBER: _ClassVar[int]
+    LATENCY_P50_FIELD_NUMBER: _ClassVar[int]
+    LATENCY_P95_FIELD_NUMBER: _ClassVar[int]
+    SMOOTHED_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_SMOOTHING_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_POSITION_SMOOTHING_FIELD_NUMBER: _ClassVar[int]
     chunks: int
     live: int
     stale: int
@@ -1105,12 +1113,18 @@ class ChunkReport(_message.Message):
     largest_seam: float
     behind: float
     largest_behind: float
-    least_left: float
+    longest_inference: float
     lag: float
     position_behind: float
     largest_position_behind: float
     position_lag: float
-    def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., least_left: _Optional[float] = ..., lag: _Optional[float] = ..., position_behind: _Optional[float] = ..., largest_position_behind: _Optional[float] = ..., position_lag: _Optional[float] = ...) -> None: ...
+    largest_position_seam: float
+    latency_p50: float
+    latency_p95: float
+    smoothed: int
+    largest_smoothing: float
+    largest_position_smoothing: float
+    def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., longest_inference: _Optional[float] = ..., lag: _Optional[float] = ..., position_behind: _Optional[float] = ..., largest_position_behind: _Optional[float] = ..., position_lag: _Optional[float] = ..., largest_position_seam: _Optional[float] = ..., latency_p50: _Optional[float] = ..., latency_p95: _Optional[float] = ..., smoothed: _Optional[int] = ..., largest_smoothing: _Optional[float] = ..., largest_position_smoothing: _Optional[float] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
     __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at", "ended", "position_error")

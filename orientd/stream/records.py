@@ -113,13 +113,13 @@ HELD_WORD = 2
 """Word of the ring of targets: one more than the place of the keep-out cone that holds the target
 at its edge; 0 for none."""
 
-CHUNK_POSES = 64
+CHUNK_POSES = 256
 """Poses of a chunk, at most."""
 
 KNOT_FLOATS = 19
-# index, poses, whether they have positions | times_ns, of each q(4) omega(3) alpha(3) position(3)
-# velocity(3) acceleration(3)
-CHUNK_RECORD = struct.Struct(f"@QI?{CHUNK_POSES}q{CHUNK_POSES * KNOT_FLOATS}d")
+# index, observed_ns, poses, whether they have positions | times_ns, of each q(4) omega(3) alpha(3)
+# position(3) velocity(3) acceleration(3)
+CHUNK_RECORD = struct.Struct(f"@QqI?{CHUNK_POSES}q{CHUNK_POSES * KNOT_FLOATS}d")
 
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400

@@ -58,13 +58,21 @@ def move_once_with_a_position(play):
 
 
 WRONG = {
-    "100 poses": (
-        lambda play: play.chunk(ramp(100), rate=50.0),
-        r"poses: expected 1 to 64 poses, got 100; send them as several chunks, one behind",
+    "300 poses": (
+        lambda play: play.chunk(ramp(300), rate=50.0),
+        r"poses: expected 1 to 256 poses, got 300; send them as several chunks, one behind",
     ),
     "no pose": (
         lambda play: play.chunk([], rate=30.0),
-        r"poses: expected 1 to 64 poses, got 0; send no chunk$",
+        r"poses: expected 1 to 256 poses, got 0; send no chunk$",
+    ),
+    "an observation to come": (
+        lambda play: play.chunk(ramp(9), rate=30.0, observed=time.monotonic() + 1.0),
+        r"observed: expected at most 0 s ahead, got (1|0\.99)",
+    ),
+    "an observation in Unix time": (
+        lambda play: play.chunk(ramp(9), rate=30.0, observed=time.time()),
+        r"observed: .* s is Unix time; give time.monotonic\(\) of this machine, now",
     ),
     "only NaN": (
         lambda play: play.chunk([NO_POSE] * 16, rate=30.0),

@@ -25,6 +25,7 @@ from orientd import kernels
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, cross, difference, exp, multiply, norm, normalize, plus
 from orientd.mechanism.mechanism import Rows
+from orientd.servo.tracking.quintic import time_of
 
 WINDOW = 27
 """Most samples of a fit."""
@@ -149,7 +150,7 @@ class Forecast:
             version: changes with every change of *samples*.
             now_ns: the instant, later than in the last call.
         """
-        due = bisect_right(samples, now_ns, key=_time_of) - 1
+        due = bisect_right(samples, now_ns, key=time_of) - 1
         end = self._noted(samples, due, now_ns)
         newest = self._newest
         if newest is None or not 0 < samples[end - 1].time_ns - newest.time_ns < SPACING_NS:
@@ -240,7 +241,7 @@ class Forecast:
                 rows.append((t, *way, *seen))
             place, latest_ns = place - 1, sample.time_ns - SPACING_NS
             if place >= 0 and samples[place].time_ns > latest_ns:
-                place = bisect_right(samples, latest_ns, 0, place, key=_time_of) - 1
+                place = bisect_right(samples, latest_ns, 0, place, key=time_of) - 1
         self._gap = -rows[-1][0] / max(len(rows) - 1, 1)
         table = Rows(len(rows), len(rows[0]), [number for row in rows for number in row])
         kernels.fit_samples(table.view, TRUST, self._fits.view)
@@ -300,7 +301,3 @@ def _faded(
     speed = plus(combine(first, left, second, left * period), way, -rate)
     change = plus(plus(plus(ZERO, second, left), speed, -2.0 * rate), way, -rate * rate)
     return way, speed, change
-
-
-def _time_of(sample: Sample) -> int:
-    return sample.time_ns
