@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, SupportsFloat, TypeGuard
 
 import numpy as np
 
 from orientd.client.smoothing import smoothed_orientations, smoothed_positions
 from orientd.client.target_messages import CLOCK, Frame, is_in_world, orientation_of, vector_of
-from orientd.client.tracking import Tracking
+from orientd.client.tracking import Tracking, TrackTiming, figures
 from orientd.driver import IDENTITY, Vector3
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError, StateError
@@ -37,25 +37,21 @@ MOST_RATE_HZ = 2000.0
 LONGEST_SETTLING = 30.0
 """How long after the last pose is due a block waits for the device to rest there, s."""
 
-_ABSENT = {"longest_inference": math.inf, "latency_p50": None, "latency_p95": None}
-"""Figures that are not known from the beginning on."""
-
 _LOOK = 0.01
 """Seconds from one look at the newest report to the next."""
 
 
 @dataclass(frozen=True, slots=True)
-class PlayTiming:
-    """Report how the device has followed the chunks of a session so far.
+class PlayTiming(TrackTiming):
+    """Report how the device has followed the chunks and targets of a session so far.
+
+    In addition to the attributes of :class:`.TrackTiming`:
 
     Attributes:
         chunks: number of chunks that the servo received.
         live: poses of the newest one that were still in the future when the servo received it.
         stale: poses of all chunks that were in the past by then.
         skipped: poses that were not finite, not of unit norm, or out of reach.
-        refused: chunks and targets that the daemon refused.
-        refusal: why the last of them was refused, a pose skipped, or a chunk too late; empty for
-            none.
         starved: chunks that came after the poses had run out, with poses to come or without.
         smoothed: chunks that were smoothed because their curve would break the limits.
         largest_smoothing: largest angle by which that turned a pose, rad.
@@ -84,8 +80,6 @@ class PlayTiming:
     live: int
     stale: int
     skipped: int
-    refused: int
-    refusal: str
     starved: int
     smoothed: int
     largest_smoothing: float
@@ -201,15 +195,13 @@ class Playing(Tracking):
 
     def timing(self) -> PlayTiming:
         """Return how the device has followed the chunks, from the newest report."""
-        found = self.report.chunks
-        counted = {field.name for field in fields(PlayTiming)} & {*found.DESCRIPTOR.fields_by_name}
-        figures = {name: getattr(found, name) for name in counted}
-        figures |= {name: none for name, none in _ABSENT.items() if not found.HasField(name)}
+        of_chunks = figures(self.report.chunks, PlayTiming.__annotations__)
+        longest = of_chunks.pop("longest_inference")
         return PlayTiming(
-            **figures,
-            refused=self.report.refused,
-            refusal=self.report.refusal,
+            **figures(self.report, TrackTiming.__annotations__),
+            **of_chunks,
             inference=max(self._inference, 0.0),
+            longest_inference=math.inf if longest is None else longest,
         )
 
     def wait(self, timeout: float | None = None) -> bool:

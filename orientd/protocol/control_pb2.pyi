@@ -1031,16 +1031,18 @@ class StopResponse(_message.Message):
     def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
 class TrackStart(_message.Message):
-    __slots__ = ("lease_token", "device", "limits", "report_rate_hz")
+    __slots__ = ("lease_token", "device", "limits", "report_rate_hz", "path_tolerance")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     LIMITS_FIELD_NUMBER: _ClassVar[int]
     REPORT_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    PATH_TOLERANCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     limits: Limits
     report_rate_hz: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ...) -> None: ...
+    path_tolerance: float
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ..., path_tolerance: _Optional[float] = ...) -> None: ...
 
 class TrackTarget(_message.Message):
     __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
@@ -1127,7 +1129,7 @@ class ChunkReport(_message.Message):
     def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., longest_inference: _Optional[float] = ..., lag: _Optional[float] = ..., position_behind: _Optional[float] = ..., largest_position_behind: _Optional[float] = ..., position_lag: _Optional[float] = ..., largest_position_seam: _Optional[float] = ..., latency_p50: _Optional[float] = ..., latency_p95: _Optional[float] = ..., smoothed: _Optional[int] = ..., largest_smoothing: _Optional[float] = ..., largest_position_smoothing: _Optional[float] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
-    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at", "ended", "position_error")
+    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at", "ended", "position_error", "path_deviation", "largest_path_deviation")
     STATE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -1142,6 +1144,8 @@ class TrackResponse(_message.Message):
     HELD_AT_FIELD_NUMBER: _ClassVar[int]
     ENDED_FIELD_NUMBER: _ClassVar[int]
     POSITION_ERROR_FIELD_NUMBER: _ClassVar[int]
+    PATH_DEVIATION_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_PATH_DEVIATION_FIELD_NUMBER: _ClassVar[int]
     state: State
     q: Quaternion
     omega_body: Vector3
@@ -1156,7 +1160,9 @@ class TrackResponse(_message.Message):
     held_at: str
     ended: str
     position_error: float
-    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., held_at: _Optional[str] = ..., ended: _Optional[str] = ..., position_error: _Optional[float] = ...) -> None: ...
+    path_deviation: float
+    largest_path_deviation: float
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., held_at: _Optional[str] = ..., ended: _Optional[str] = ..., position_error: _Optional[float] = ..., path_deviation: _Optional[float] = ..., largest_path_deviation: _Optional[float] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
     __slots__ = ("lease_token", "device")

@@ -109,11 +109,16 @@ def test_the_distance_to_a_target_is_reported_in_metres(robot):
     with robot.track() as tracking:
         tracking.aim(Q(w=1, x=0, y=0, z=0))
         until(lambda: tracking.report.HasField("error"), "the target")
-        assert not tracking.report.HasField("position_error")
+        assert tracking.timing().position_error is None
         x, y, z = to_vector(tracking.report.position)
         tracking.aim(Q(w=1, x=0, y=0, z=0), position=[x + 0.05, y, z], time_to_live=5.0)
         until(lambda: tracking.report.position_error > 0.01, "a report on the way")
         until(lambda: tracking.report.position_error < 1e-6, "the position")
+        timing = tracking.timing()
+        assert (timing.targets, timing.refused, timing.refusal) == (2, 0, "")
+        assert max(timing.error, timing.position_error) < 1e-6
+        # This device has no axes that turn its tool off a line.
+        assert timing.path_deviation == timing.largest_path_deviation == 0.0
 
 
 def test_a_noisy_chunk_is_smoothed_within_its_tolerance(robot):

@@ -181,6 +181,12 @@ def test_what_the_client_knows_to_be_wrong_is_refused_at_the_call(robot, wrong):
     assert play.timing().chunks == 0
 
 
+def test_a_path_tolerance_that_is_none_is_refused(robot):
+    for wrong in (0.0, -0.001, math.nan, math.inf):
+        with pytest.raises(RequestError, match="path_tolerance: expected more than 0 m, got"):
+            robot.track(path_tolerance=wrong)
+
+
 POSE = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
 
 

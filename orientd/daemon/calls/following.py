@@ -97,6 +97,7 @@ class Following:
         given, left_out = self._counts.targets
         chunks, found = self._counts.chunks
         error, position_error = self._errors(cycle.q, cycle.position)
+        deviation, largest_deviation = self._counts.path_deviations
         return pb.TrackResponse(
             chunks=pb.ChunkReport(
                 chunks=chunks,
@@ -120,6 +121,8 @@ class Following:
             error=error,
             position_error=position_error,
             held_at=now.held_at,
+            path_deviation=deviation,
+            largest_path_deviation=largest_deviation,
         )
 
     def _errors(self, q: Quaternion, position: Vector3) -> tuple[float | None, float | None]:

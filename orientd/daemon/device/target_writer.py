@@ -17,7 +17,14 @@ from orientd.mechanism.mechanism import refusal
 from orientd.servo.tracking.chunk_report import ChunkReport, read_report
 from orientd.servo.tracking.chunks import Smoothed, publish_chunk
 from orientd.stream import Cycle
-from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Sample, ServoLimits
+from orientd.stream.records import (
+    DEVIATION_WORD,
+    LARGEST_DEVIATION_WORD,
+    LEFT_OUT_WORD,
+    NOT_GIVEN,
+    Sample,
+    ServoLimits,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -203,6 +210,12 @@ class TargetCounts:
         """How many targets the servo process was given, and how many it left out."""
         ring = self._memory.targets
         return ring.head - self._given, ring.words[LEFT_OUT_WORD] - self._left_out
+
+    @property
+    def path_deviations(self) -> tuple[float, float]:
+        """Distance of an arm's tool from its straight line, and the largest so far, m."""
+        words = self._memory.targets.words
+        return 1e-9 * words[DEVIATION_WORD], 1e-9 * words[LARGEST_DEVIATION_WORD]
 
     @property
     def chunks(self) -> tuple[int, ChunkReport]:

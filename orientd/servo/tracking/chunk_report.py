@@ -48,7 +48,8 @@ class ChunkReport(NamedTuple):
         largest_position_behind: the largest that it has been, m.
         position_lag: delay of the position that fits the last second best, s.
         longest_inference: least time from the observation of a chunk to the end of the poses before
-            it, or to its own end if all of it was late, s; ``None`` before there is one.
+            it, s.  A chunk that was late as a whole counts with its own end, too.  ``None`` before
+            there is one.
         latency_p50: half of the chunks took no longer than this from the observation that they name
             to the first setpoint that they shaped, s; ``None`` before the first one.
         latency_p95: 95 of 100 chunks took no longer than this, s.

@@ -23,7 +23,13 @@ from orientd.servo.tracking.law import NO_LIMITS, SLACK, Course, Law
 from orientd.servo.tracking.preview import Motion
 from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
-from orientd.stream.records import HELD_WORD, LEFT_OUT_WORD, ServoLimits
+from orientd.stream.records import (
+    DEVIATION_WORD,
+    HELD_WORD,
+    LARGEST_DEVIATION_WORD,
+    LEFT_OUT_WORD,
+    ServoLimits,
+)
 from orientd.stream.ring import RecordRing
 
 TARGETS_PER_CYCLE = 8
@@ -129,6 +135,7 @@ class TargetFollower:
             is_of_joints = True
         self._is_of_joints = is_of_joints
         self.limits = servo_limits
+        self._ring.words[DEVIATION_WORD] = self._ring.words[LARGEST_DEVIATION_WORD] = 0
         self.tracker.begin(guard.q, guard.omega, guard.alpha, servo_limits)
         self._linear.limit_position(servo_limits)
         self._next, self._next_chunk = self._ring.head, self._chunks.head
@@ -182,7 +189,9 @@ class TargetFollower:
             omega, _ = guard.rates(q, position)
             alpha = combine(omega, 1.0 / guard.period, guard.omega, -1.0 / guard.period)
             point, held = TrackPoint(q, omega, alpha), by_joints.held
-            self.limits = by_joints.limits
+            self.limits, line = by_joints.limits, by_joints.line
+            self._ring.words[DEVIATION_WORD] = round(1e9 * line.deviation)
+            self._ring.words[LARGEST_DEVIATION_WORD] = round(1e9 * line.largest)
         if self._ring.words[HELD_WORD] != held + 1:
             self._ring.words[HELD_WORD] = held + 1
         self._note_position_gap()
