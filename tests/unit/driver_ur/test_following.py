@@ -2,9 +2,12 @@
 
 import os
 import random
+import re
+import tomllib
 from dataclasses import replace
 from itertools import pairwise
 from math import dist, pi, tau
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -416,3 +419,35 @@ def test_a_tolerance_that_suffices_changes_nothing():
         rig.follow(lambda _, q=q: q, seconds=2.0, position=lambda _, rig=rig: rig.position)
         paths.append([(s.q, s.position) for s in rig.setpoints])
     assert paths[0] == paths[1]
+
+
+def configurations():
+    """Yield the limits of the arms that the sources and the documentation configure."""
+    root = Path(__file__).parents[3]
+    for path in [root / "config/ur.toml", *sorted((root / "docs").rglob("*.md"))]:
+        text = path.read_text()
+        blocks = (
+            [text]
+            if path.suffix == ".toml"
+            else re.findall(r"```.*?toml.*?\n(.*?)```", text, re.DOTALL)
+        )
+        for block in blocks:
+            if 'driver = "ur"' in block and ".limits]" in block:
+                lines = block[block.index("[devices") :]
+                yield pytest.param(tomllib.loads(lines)["devices"]["arm"]["limits"], id=path.name)
+
+
+@pytest.mark.parametrize("limits", list(configurations()))
+def test_the_joints_keep_the_linear_limits_of_the_configurations(limits):
+    way, speed, acceleration = 0.2, limits["linear_velocity"], limits["linear_acceleration"]
+    for axis in range(3):
+        rig = ArmRig("ur5e", HOME, **limits)
+        goal = list(rig.position)
+        goal[axis] += way
+        rig.follow(lambda _, rig=rig: rig.q, seconds=1.5, position=lambda _, goal=goal: goal)
+        away = [dist(one.position, goal) for one in rig.setpoints]
+        came = next(k for k, gap in enumerate(away) if gap < 1e-3) * PERIOD
+        # As quick as the linear limits alone would be.
+        assert came < 1.03 * (way / speed + speed / acceleration)
+        assert not rig.hindrances
+        rig.check()
