@@ -21,7 +21,7 @@ from typing import NamedTuple, cast
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, norm, normalize
-from orientd.servo.tracking.forecast import WINDOW, Forecast, Sample
+from orientd.servo.tracking.forecast import WINDOW, Forecast, TimedValue
 from orientd.servo.tracking.quintic import time_of
 from orientd.tolerances import NORM_TOLERANCE
 
@@ -174,8 +174,8 @@ class Reference:
         """Forget every target."""
         self._targets: list[Target] = []
         # As the forecasts know them; positions are fewer.
-        self._turns: list[Sample] = []
-        self._places: list[Sample] = []
+        self._turns: list[TimedValue] = []
+        self._places: list[TimedValue] = []
         self._arrivals = Arrivals(self._period_ns)
         self._version = 0
         self._newest_ns: int | None = None
@@ -214,10 +214,10 @@ class Reference:
         if self._newest_ns is None or time_ns > self._newest_ns:
             self._newest_ns = time_ns
         targets.insert(place, target)
-        self._turns.insert(place, Sample(time_ns, target.q, target.omega_body))
+        self._turns.insert(place, TimedValue(time_ns, target.q, target.omega_body))
         if target.position is not None:
             place = bisect_left(self._places, time_ns, key=time_of)
-            self._places.insert(place, Sample(time_ns, target.position))
+            self._places.insert(place, TimedValue(time_ns, target.position))
         self._version += 1
         return ""
 
