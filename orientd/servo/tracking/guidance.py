@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.driver import ZERO, Quaternion
 from orientd.floats import difference, norm
 from orientd.servo.tracking.chunk_report import ChunkStatistics
 from orientd.servo.tracking.chunks import Chunk
 from orientd.servo.tracking.forecast import JUMP
-from orientd.servo.tracking.preview import Motion, Preview, PreviewState
+from orientd.servo.tracking.preview import Motion, Place, Preview, PreviewState
 from orientd.servo.tracking.reference import Reference, ReferenceState, Target
 from orientd.stream.records import ServoLimits
 
@@ -21,22 +21,6 @@ _ASTRAY = 1e-3
 
 _ARRIVED = 1e-8
 """Angle, rad, and velocity, rad/s, within which the device is at its end."""
-
-
-class Place(NamedTuple):
-    """Where the position should be at the last setpoint, and how it continues.
-
-    Attributes:
-        position: m.
-        velocity: of the last step, m/s.
-        acceleration: of the last two steps, m/s^2.
-        next_acceleration: with the next step, m/s^2.
-    """
-
-    position: Vector3
-    velocity: Vector3
-    acceleration: Vector3 = ZERO
-    next_acceleration: Vector3 = ZERO
 
 
 class Follower(Protocol):
@@ -175,16 +159,12 @@ class Guidance:
     def _previewed(self, now_ns: int, follower: Follower) -> ReferenceState | PreviewState:
         """Return what to follow of the chunks."""
         preview = self.preview
-        found, end = preview.at(now_ns), preview.end
+        found, self.place = preview.at(now_ns)
+        end = preview.end
         left_ns = end.time_ns - now_ns + self._period_ns
         position = end.position if preview.has_positions else None
         last = Target(end.q, None, end.time_ns, end.time_ns, position)
         self.end = (last, left_ns * 1e-9) if left_ns > 0 else None
-        if position is None:
-            self.place = None
-        else:
-            moving = found.position, found.velocity, found.acceleration, found.next_acceleration
-            self.place = Place(*moving)
         if not self._is_concluded:
             self._is_concluded = left_ns <= 0 or (
                 not preview.is_continued(now_ns) and follower.must_brake(last, left_ns * 1e-9)

@@ -34,9 +34,9 @@ from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones, Room
 from orientd.servo.tracking.detour import Detour
 from orientd.servo.tracking.forecast import JUMP
-from orientd.servo.tracking.guidance import Guidance, Place
+from orientd.servo.tracking.guidance import Guidance
 from orientd.servo.tracking.law import FULL, NO_LIMITS, Need, gains_of
-from orientd.servo.tracking.preview import PreviewState
+from orientd.servo.tracking.preview import Place, PreviewState
 from orientd.servo.tracking.reference import ReferenceState, Target
 from orientd.servo.tracking.stop_filter import RESERVE
 from orientd.servo.tracking.straight_line import StraightLine

@@ -72,27 +72,35 @@ class Motion(NamedTuple):
 
 
 class PreviewState(NamedTuple):
-    """The reference at the last setpoint, as a :class:`Motion`, and how it continues.
+    """Where the orientation should be at the last setpoint, and how it continues.
 
     Attributes:
-        q: orientation.
-        omega: rad/s.
-        alpha: rad/s^2.
-        position: m.
-        velocity: m/s.
-        acceleration: m/s^2.
-        next_alpha: angular acceleration with the next step, rad/s^2.
-        next_acceleration: acceleration with the next step, m/s^2.
+        q: orientation ``(w, x, y, z)``.
+        omega: angular velocity of the last step, rad/s.
+        alpha: angular acceleration of the last two steps, rad/s^2.
+        next_alpha: with the next step, rad/s^2.
     """
 
     q: Quaternion
     omega: Vector3
     alpha: Vector3
+    next_alpha: Vector3
+
+
+class Place(NamedTuple):
+    """Where the position should be at the last setpoint, and how it continues.
+
+    Attributes:
+        position: m.
+        velocity: of the last step, m/s.
+        acceleration: of the last two steps, m/s^2.
+        next_acceleration: with the next step, m/s^2.
+    """
+
     position: Vector3
     velocity: Vector3
-    acceleration: Vector3
-    next_alpha: Vector3
-    next_acceleration: Vector3
+    acceleration: Vector3 = ZERO
+    next_acceleration: Vector3 = ZERO
 
 
 class Preview:
@@ -313,7 +321,7 @@ class Preview:
         turn, way = offset.at(time_ns)
         return multiply(q, exp(turn)), plus(position, way, 1.0)
 
-    def at(self, now_ns: int) -> PreviewState:
+    def at(self, now_ns: int) -> tuple[PreviewState, Place | None]:
         """Return the reference at the setpoint before *now_ns*, and how it continues to there.
 
         To be asked once for every setpoint, in order.
@@ -334,7 +342,11 @@ class Preview:
         velocity = combine(position, 1.0 / h, before.position, -1.0 / h)
         acceleration = combine(velocity, 1.0 / h, before.velocity, -1.0 / h)
         self._state = Motion(q, omega, alpha, position, velocity, acceleration)
-        return PreviewState(*before, alpha, acceleration)
+        turning = PreviewState(before.q, before.omega, before.alpha, alpha)
+        if not self.has_positions:
+            return turning, None
+        moving = before.position, before.velocity, before.acceleration
+        return turning, Place(*moving, acceleration)
 
     def _motion_at(self, time_ns: int) -> Motion:
         """Return the curve at an instant, with differences to the two periods before it."""

@@ -30,14 +30,14 @@ class StraightLine:
 
     def __init__(self) -> None:
         """Know no target yet."""
-        self.largest = 0.0
-        self.clear()
+        self._goal: Pose | None = None
+        self._corners: list[Vector3] = []
+        self.deviation = self.largest = 0.0
 
     def clear(self) -> None:
         """Have no target at rest."""
-        self._goal: Pose | None = None
-        self._corners: list[Vector3] = []
-        self.deviation = 0.0
+        if self._goal is not None:
+            self._goal, self._corners, self.deviation = None, [], 0.0
 
     def leads_to(self, goal: Pose) -> bool:
         """Return whether the line, if there is one, leads to this target."""
@@ -51,7 +51,9 @@ class StraightLine:
     def note(self, pose: Pose) -> None:
         """Note the pose of a setpoint."""
         goal = self._goal
-        if goal is not None and _is_near(goal, pose, THERE, TURNED):
+        if goal is None:
+            return
+        if _is_near(goal, pose, THERE, TURNED):
             self._corners = []
         self.deviation = self.distance(pose[1])
         self.largest = max(self.largest, self.deviation)

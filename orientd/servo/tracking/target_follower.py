@@ -17,10 +17,9 @@ from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.tracking.chunks import Chunk, read_chunk
-from orientd.servo.tracking.guidance import Place
 from orientd.servo.tracking.joint_tracker import JointTracker
 from orientd.servo.tracking.law import NO_LIMITS, SLACK, Course, Law
-from orientd.servo.tracking.preview import Motion
+from orientd.servo.tracking.preview import Motion, Place
 from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream.records import (

@@ -12,7 +12,7 @@ from orientd.servo.tracking.chunks import Chunk
 from orientd.servo.tracking.detour import Detour
 from orientd.servo.tracking.guidance import Guidance
 from orientd.servo.tracking.law import NO_LIMITS, SLACK, Calm, Course, Gains, Law
-from orientd.servo.tracking.preview import Motion, Preview, PreviewState
+from orientd.servo.tracking.preview import Motion, PreviewState
 from orientd.servo.tracking.reference import ReferenceState, Target
 from orientd.servo.tracking.stop_filter import RESERVE, StopFilter
 from orientd.stream.records import ServoLimits
@@ -93,11 +93,6 @@ class Tracker:
     def held(self) -> int:
         """Place of the keep-out cone that holds the target at its edge; -1 for none."""
         return -1 if self._detour is None else self._detour.held
-
-    @property
-    def preview(self) -> Preview:
-        """The chunks."""
-        return self.guidance.preview
 
     def take(self, target: Target, now_ns: int) -> str:
         """Accept a target; return an empty string, or why it was refused."""
