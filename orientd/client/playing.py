@@ -208,14 +208,16 @@ class Playing(Tracking):
         """Wait until the poses have run out and the device rests; return whether it does.
 
         Args:
-            timeout: how long to wait at most, s; ``None`` for as long as it takes.
+            timeout: how long to wait at most, s; ``None`` for :data:`LONGEST_SETTLING` after the
+                last pose is due.
 
         Raises:
             OrientdError: the device no longer plays.
         """
-        give_up = math.inf if timeout is None else time.monotonic() + timeout
+        begin = time.monotonic()
         while not self._has_played():
-            if time.monotonic() > give_up:
+            due = max(begin, 1e-9 * self._last_ns)
+            if time.monotonic() > (due + LONGEST_SETTLING if timeout is None else begin + timeout):
                 return False
             self.raise_if_ended()
             time.sleep(_LOOK)
@@ -233,8 +235,7 @@ class Playing(Tracking):
     def __exit__(self, *of: object) -> None:
         try:
             if of[0] is None:
-                left = 1e-9 * (self._last_ns - time.monotonic_ns())
-                if not self.wait(max(left, 0.0) + LONGEST_SETTLING):
+                if not self.wait():
                     away = norm(difference(to_quaternion(self.report.q), self._last_q))
                     raise StateError(
                         f"the device does not rest {LONGEST_SETTLING:g} s after the last pose was "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_right, insort
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
 from math import ceil
@@ -105,7 +105,6 @@ class ChunkStatistics:
         """Begin again."""
         self._words = array("Q", bytes(8 * len(_PLACES)))
         self._latencies: deque[float] = deque(maxlen=LATENCIES)
-        self._sorted: list[float] = []
         self._is_new = True
         self.rest()
 
@@ -162,12 +161,10 @@ class ChunkStatistics:
 
     def note_action(self, latency: float) -> None:
         """Note the time from an observation to the first setpoint after it that it shapes, s."""
-        if len(self._latencies) == LATENCIES:
-            self._sorted.remove(self._latencies[0])
         self._latencies.append(latency)
-        insort(self._sorted, latency)
+        ascending = sorted(self._latencies)
         for name, part in (("latency_p50", 0.5), ("latency_p95", 0.95)):
-            self._set(name, 1 + _units(self._sorted[ceil(part * len(self._sorted)) - 1]))
+            self._set(name, 1 + _units(ascending[ceil(part * len(ascending)) - 1]))
 
     def note_gap(self, gap: Vector3, rate: Vector3) -> None:
         """Note the turn from a setpoint to the poses, rad, and their rate."""
