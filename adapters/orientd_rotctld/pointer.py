@@ -11,7 +11,6 @@ from orientd.client.move_handle import MoveHandle
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import Floats, Quaternion, slerp
-from orientd.stream.records import CHUNK_POSES
 from orientd_rotctld.passes import Passes
 from orientd_rotctld.prediction import Prediction
 from orientd_rotctld.ranges import SLACK, Ranges
@@ -27,6 +26,8 @@ _RETURN = 2.0
 """Seconds of the way back to the last position, if none follows."""
 _SEAM = 0.8
 """Share of a gap in which the device passes from one prediction to the next."""
+_POSES = 64
+"""Poses of a path that is sent."""
 _START = 0.1
 """Seconds from a position until a new prediction takes effect."""
 _NEAR = math.radians(15.0)
@@ -225,7 +226,7 @@ class Pointer:
             return
         gap = max(path.gap, _QUICKEST)
         beyond = min(_BEYOND * gap, gap + _LONGEST_BEYOND)
-        times = np.linspace(now + _START, now + beyond + _RETURN, CHUNK_POSES)
+        times = np.linspace(now + _START, now + beyond + _RETURN, _POSES)
         seam = _smooth((times - now) / (_SEAM * gap))[:, None]
         points = before.at(times) + seam * (path.at(times) - before.at(times))
         back = _smooth((times - now - beyond) / _RETURN)[:, None]

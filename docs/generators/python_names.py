@@ -33,6 +33,7 @@ CHOSEN = {
         "Robot",
         "MoveHandle",
         "Tracking",
+        "TrackTiming",
         "Pointing",
         "BaseReport",
         "Playing",

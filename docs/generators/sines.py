@@ -12,7 +12,7 @@ import numpy as np
 from orientd import rotation
 from orientd.driver import ZERO
 from orientd.rotation import Floats
-from orientd.servo.tracking.chunks import smoothed
+from orientd.servo.tracking import chunks as playable
 from orientd.servo.tracking.preview import Motion
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream.records import Sample, ServoLimits
@@ -129,9 +129,9 @@ def followed(sine: Sine) -> Played:
             stamps = [round(1e9 * when) for when in chunk.times]
             poses = map(tuple, rotation.exp(chunk.vectors).tolist())
             samples = [Sample(when, q) for when, q in zip(stamps, poses, strict=True)]
-            knots = smoothed(samples, LIMITS)
+            curve = playable.Chunk(playable.smoothed(samples, LIMITS).knots, has_positions=False)
             motion = Motion(*point, ZERO, ZERO, ZERO)
-            tracker.take_chunk(knots, motion, now_ns - period_ns, has_positions=False)
+            tracker.take_chunk(curve, motion, now_ns - period_ns)
         point = tracker.step(now_ns)
         sent.append(point.q)
     return Played("orientd", PERIOD, PERIOD, np.array(sent))

@@ -18,6 +18,6 @@ if TYPE_CHECKING:
     from orientd.client.pointing import BaseReport, Pointing
     from orientd.client.robot import Robot, connect
     from orientd.client.teaching import MeasuredPose, Teaching
-    from orientd.client.tracking import Tracking
+    from orientd.client.tracking import Tracking, TrackTiming
 
 __getattr__ = lazily(__name__)

@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, SupportsFloat, TypeGuard
 
 import numpy as np
 
 from orientd.client.smoothing import smoothed_orientations, smoothed_positions
 from orientd.client.target_messages import CLOCK, Frame, is_in_world, orientation_of, vector_of
-from orientd.client.tracking import Tracking
+from orientd.client.tracking import Tracking, TrackTiming, figures
 from orientd.driver import IDENTITY, Vector3
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError, StateError
 from orientd.floats import difference, norm
 from orientd.model.plain import to_plain
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.targets import check_chunk_times, pose_problem
+from orientd.protocol.targets import check_chunk_times, pose_problem, stamp_problem
 from orientd.protocol.values import to_quaternion
 from orientd.rotation import Quaternion, is_rotation
 from orientd.stream.records import CHUNK_POSES
@@ -42,39 +42,50 @@ _LOOK = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class PlayTiming:
-    """Report how the device has followed the chunks of a session so far.
+class PlayTiming(TrackTiming):
+    """Report how the device has followed the chunks and targets of a session so far.
+
+    In addition to the attributes of :class:`.TrackTiming`:
 
     Attributes:
         chunks: number of chunks that the servo received.
         live: poses of the newest one that were still in the future when the servo received it.
         stale: poses of all chunks that were in the past by then.
         skipped: poses that were not finite, not of unit norm, or out of reach.
-        refused: chunks and targets that the daemon refused.
-        refusal: why the last of them was refused, a pose skipped, or a chunk too late; empty for
-            none.
         starved: chunks that came after the poses had run out, with poses to come or without.
+        smoothed: chunks that were smoothed because their curve would break the limits.
+        largest_smoothing: largest angle by which that turned a pose, rad.
+        largest_position_smoothing: largest distance by which it moved one, m.
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
+        largest_position_seam: largest distance by which it did, m.
         behind: angle from the newest setpoint to the poses, rad, because of the limits.
         largest_behind: largest value of *behind* so far, rad.
-        lag: delay behind the poses that fits the last second best, s; 0 if the limits allow all.
+        lag: delay behind the poses that fits the last second best, s; 0 if the limits allow all,
+            or the poses stand still.
         position_behind: distance from the newest setpoint to the position of the poses, m, because
             of the limits.
         largest_position_behind: largest value of *position_behind* so far, m.
         position_lag: delay of the position behind the poses, as *lag* is that of the orientation.
-        inference: longest time from the first pose of a chunk until the call that sends it, s.
-        longest_inference: largest *inference* for which the poses do not run out, s; infinite
-            before the second chunk, unless all poses of the first one are late.
+        inference: longest time from the observation of a chunk until the call that sends it, s.  If
+            a chunk names no observation, its first pose stands for it.
+        longest_inference: largest *inference* of a chunk for which the poses do not run out, s:
+            the least time from an observation to the end of the poses that were known before it.
+            Infinite before the second chunk, unless all poses of the first one are late.
+        latency_p50: time from the observation that a chunk names to the first setpoint that it
+            shapes, s: half of the newest 256 such chunks took no longer; ``None`` before the first.
+        latency_p95: the same for 95 of 100 of them, s.
     """
 
     chunks: int
     live: int
     stale: int
     skipped: int
-    refused: int
-    refusal: str
     starved: int
+    smoothed: int
+    largest_smoothing: float
+    largest_position_smoothing: float
     largest_seam: float
+    largest_position_seam: float
     behind: float
     largest_behind: float
     lag: float
@@ -83,6 +94,8 @@ class PlayTiming:
     position_lag: float
     inference: float
     longest_inference: float
+    latency_p50: float | None
+    latency_p95: float | None
 
 
 class Playing(Tracking):
@@ -96,7 +109,6 @@ class Playing(Tracking):
     _last_ns = 0
     _last_q = IDENTITY
     _inference = -math.inf
-    _least_left = math.inf
     _sent = 0
 
     def chunk(
@@ -109,6 +121,7 @@ class Playing(Tracking):
         positions: ArrayLike | None = None,
         angular_velocities: ArrayLike | None = None,
         velocity_frame: Frame = "body",
+        observed: float | None = None,
         tolerance: float = 0.0,
         position_tolerance: float = 0.0,
     ) -> None:
@@ -119,7 +132,7 @@ class Playing(Tracking):
         of range or reach; see :meth:`timing`.  An event of the device tells the first of them.
 
         Args:
-            poses: 1 to 64 orientations, each in a form that :meth:`.Robot.move` takes, or a
+            poses: 1 to 256 orientations, each in a form that :meth:`.Robot.move` takes, or a
                 ``Rotation`` of SciPy with as many rotations.  A mapping may have a ``position``.
             rate: poses a second, at most 2000.
             start: when the first pose is due, s, by :func:`time.monotonic` of this machine;
@@ -131,6 +144,8 @@ class Playing(Tracking):
             angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` to derive them from
                 the poses.
             velocity_frame: frame of the angular velocities.
+            observed: when the observation was made that the chunk answers, s, by that clock.  It
+                counts for the latencies of :meth:`timing`; ``None`` for no such observation.
             tolerance: how far each orientation may be turned to smooth the chunk, rad.
             position_tolerance: how far each position may be moved for that, m.
 
@@ -161,6 +176,8 @@ class Playing(Tracking):
                 stamps, orientations, places, tolerance, position_tolerance
             )
         message = pb.TrackChunk(times_ns=stamps)
+        if observed is not None:
+            message.observed_ns = _observed_ns(observed)
         message.orientations.extend(number for q in orientations for number in q)
         message.positions.extend(number for place in places for number in place)
         rows = []
@@ -173,36 +190,34 @@ class Playing(Tracking):
         self._sent += 1
         self._last_ns, self._last_q = max(zip(stamps, orientations, strict=True))
         now_ns = time.monotonic_ns()
-        self._inference = max(self._inference, 1e-9 * (now_ns - min(stamps)))
-        if self._last_ns < now_ns:  # the servo takes none of its poses, and measures nothing
-            self._least_left = min(self._least_left, 1e-9 * (self._last_ns - now_ns))
+        begin_ns = message.observed_ns or min(stamps)
+        self._inference = max(self._inference, 1e-9 * (now_ns - begin_ns))
 
     def timing(self) -> PlayTiming:
         """Return how the device has followed the chunks, from the newest report."""
-        found = self.report.chunks
-        left = min(found.least_left if found.HasField("least_left") else math.inf, self._least_left)
-        inference = max(self._inference, 0.0)
-        counted = {field.name for field in fields(PlayTiming)} & {*found.DESCRIPTOR.fields_by_name}
+        of_chunks = figures(self.report.chunks, PlayTiming.__annotations__)
+        longest = of_chunks.pop("longest_inference")
         return PlayTiming(
-            **{name: getattr(found, name) for name in counted},
-            refused=self.report.refused,
-            refusal=self.report.refusal,
-            inference=inference,
-            longest_inference=max(inference + left, 0.0),
+            **figures(self.report, TrackTiming.__annotations__),
+            **of_chunks,
+            inference=max(self._inference, 0.0),
+            longest_inference=math.inf if longest is None else longest,
         )
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until the poses have run out and the device rests; return whether it does.
 
         Args:
-            timeout: how long to wait at most, s; ``None`` for as long as it takes.
+            timeout: how long to wait at most, s; ``None`` for :data:`LONGEST_SETTLING` after the
+                last pose is due.
 
         Raises:
             OrientdError: the device no longer plays.
         """
-        give_up = math.inf if timeout is None else time.monotonic() + timeout
+        begin = time.monotonic()
         while not self._has_played():
-            if time.monotonic() > give_up:
+            due = max(begin, 1e-9 * self._last_ns)
+            if time.monotonic() > (due + LONGEST_SETTLING if timeout is None else begin + timeout):
                 return False
             self.raise_if_ended()
             time.sleep(_LOOK)
@@ -220,8 +235,7 @@ class Playing(Tracking):
     def __exit__(self, *of: object) -> None:
         try:
             if of[0] is None:
-                left = 1e-9 * (self._last_ns - time.monotonic_ns())
-                if not self.wait(max(left, 0.0) + LONGEST_SETTLING):
+                if not self.wait():
                     away = norm(difference(to_quaternion(self.report.q), self._last_q))
                     raise StateError(
                         f"the device does not rest {LONGEST_SETTLING:g} s after the last pose was "
@@ -360,6 +374,21 @@ def _stamps(
     stamps, now_ns = [round(1e9 * when) for when in seconds], time.monotonic_ns()
     check_chunk_times(place, min(stamps), max(stamps), now_ns, is_seconds=True, clock=CLOCK)
     return stamps
+
+
+def _observed_ns(observed: object) -> int:
+    """Return the time of an observation, ns of this machine's monotonic clock.
+
+    Raises:
+        RequestError: it is no time, to come, or too long ago.
+    """
+    if not _is_number(observed) or not math.isfinite(observed):
+        raise RequestError("observed", f"expected seconds of {CLOCK}, got {observed!r}")
+    observed_ns, now_ns = round(1e9 * float(observed)), time.monotonic_ns()
+    problem = stamp_problem(observed_ns, now_ns, ahead=0.0, is_seconds=True, clock=CLOCK)
+    if problem:
+        raise RequestError("observed", problem)
+    return observed_ns
 
 
 def _seconds(place: str, given: object) -> float:

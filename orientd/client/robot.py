@@ -550,6 +550,7 @@ class Robot:
         *,
         device: str = "",
         limits: Mapping[str, float | Sequence[float]] | None = None,
+        path_tolerance: float | None = None,
         report_rate_hz: float = 20.0,
     ) -> Tracking:
         """Make a device follow targets, which you send to the returned :class:`Tracking`.
@@ -557,15 +558,26 @@ class Robot:
         Args:
             device: name of the device; at rest or in motion.
             limits: narrower than the device's own, as for a motion.
+            path_tolerance: how far the tool of an arm may leave the straight line to a target at
+                rest, m.  The arm stops there, until another target comes.  ``None`` for no bound.
             report_rate_hz: reports a second, 0.1 to 100.
 
         Raises:
+            RequestError: the tolerance is not above 0, or a limit is none.
             LeaseError: another user holds the lease.
             StateError: the device cannot follow targets.
         """
         from orientd.client.tracking import Tracking
 
-        return Tracking(self._connection, self._track_start(device, limits, report_rate_hz))
+        start = self._track_start(device, limits, report_rate_hz)
+        if path_tolerance is not None:
+            if not 0.0 < path_tolerance < math.inf:
+                problem = (
+                    f"expected more than 0 m, got {path_tolerance!r}; leave it out for no bound"
+                )
+                raise RequestError("path_tolerance", problem)
+            start.path_tolerance = path_tolerance
+        return Tracking(self._connection, start)
 
     def play(
         self,

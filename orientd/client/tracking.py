@@ -6,9 +6,10 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
 
 import grpc
 
@@ -20,6 +21,7 @@ from orientd.errors import DaemonError, OrientdError
 from orientd.protocol import control_pb2 as pb
 
 if TYPE_CHECKING:
+    from google.protobuf.message import Message
     from numpy.typing import ArrayLike
 
 
@@ -62,6 +64,46 @@ def paced(
 def _is_for_arrival(request: pb.TrackRequest) -> bool:
     """Return whether this is a target without a time."""
     return request.WhichOneof("what") == "target" and not request.target.time_ns
+
+
+@dataclass(frozen=True, slots=True)
+class TrackTiming:
+    """Report how a device has followed the targets of a session so far.
+
+    Attributes:
+        targets: number of targets that the servo received.
+        left_out: those of them that it skipped: expired, of an instant that had passed, or replaced
+            by a newer one within a cycle.
+        refused: targets and chunks that the daemon refused.
+        refusal: why the last of them was refused, a pose skipped, or a chunk too late; empty for
+            none.
+        error: angle from the newest setpoint to the newest target at that time, rad; ``None``
+            without a target.
+        position_error: distance to its position, m; ``None`` if it has none.
+        path_deviation: distance of an arm's tool from the straight line to a target at rest, m.
+        largest_path_deviation: largest value of *path_deviation* so far, m.
+    """
+
+    targets: int
+    left_out: int
+    refused: int
+    refusal: str
+    error: float | None
+    position_error: float | None
+    path_deviation: float
+    largest_path_deviation: float
+
+
+def figures(message: Message, names: Iterable[str]) -> dict[str, Any]:
+    """Return fields of a message by name; ``None`` for those that may be absent and are."""
+    known = message.DESCRIPTOR.fields_by_name
+    return {
+        name: None
+        if known[name].has_presence and not message.HasField(name)
+        else getattr(message, name)
+        for name in names
+        if name in known
+    }
 
 
 class Tracking(Pointing):
@@ -111,6 +153,10 @@ class Tracking(Pointing):
         Its counts include the targets that were not sent because a newer one came within 1 ms.
         """
         return self._report
+
+    def timing(self) -> TrackTiming:
+        """Return how the device has followed the targets, from the newest report."""
+        return TrackTiming(**figures(self.report, TrackTiming.__annotations__))
 
     def aim(
         self,
@@ -206,6 +252,8 @@ class Tracking(Pointing):
         stamped.CopyFrom(request)
         if stamped.target.time_ns:
             stamped.target.time_ns += offset_ns
+        if stamped.chunk.observed_ns:
+            stamped.chunk.observed_ns += offset_ns
         if stamped.chunk.times_ns:
             stamped.chunk.times_ns[:] = [time_ns + offset_ns for time_ns in request.chunk.times_ns]
         return stamped

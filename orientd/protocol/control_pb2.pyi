@@ -1031,16 +1031,18 @@ class StopResponse(_message.Message):
     def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
 class TrackStart(_message.Message):
-    __slots__ = ("lease_token", "device", "limits", "report_rate_hz")
+    __slots__ = ("lease_token", "device", "limits", "report_rate_hz", "path_tolerance")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     LIMITS_FIELD_NUMBER: _ClassVar[int]
     REPORT_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    PATH_TOLERANCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     limits: Limits
     report_rate_hz: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ...) -> None: ...
+    path_tolerance: float
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ..., path_tolerance: _Optional[float] = ...) -> None: ...
 
 class TrackTarget(_message.Message):
     __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
@@ -1059,18 +1061,20 @@ class TrackTarget(_message.Message):
     def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class TrackChunk(_message.Message):
-    __slots__ = ("times_ns", "orientations", "positions", "angular_velocities", "velocity_frame")
+    __slots__ = ("times_ns", "orientations", "positions", "angular_velocities", "velocity_frame", "observed_ns")
     TIMES_NS_FIELD_NUMBER: _ClassVar[int]
     ORIENTATIONS_FIELD_NUMBER: _ClassVar[int]
     POSITIONS_FIELD_NUMBER: _ClassVar[int]
     ANGULAR_VELOCITIES_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
+    OBSERVED_NS_FIELD_NUMBER: _ClassVar[int]
     times_ns: _containers.RepeatedScalarFieldContainer[int]
     orientations: _containers.RepeatedScalarFieldContainer[float]
     positions: _containers.RepeatedScalarFieldContainer[float]
     angular_velocities: _containers.RepeatedScalarFieldContainer[float]
     velocity_frame: Frame
-    def __init__(self, times_ns: _Optional[_Iterable[int]] = ..., orientations: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., angular_velocities: _Optional[_Iterable[float]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ...) -> None: ...
+    observed_ns: int
+    def __init__(self, times_ns: _Optional[_Iterable[int]] = ..., orientations: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., angular_velocities: _Optional[_Iterable[float]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., observed_ns: _Optional[int] = ...) -> None: ...
 
 class TrackRequest(_message.Message):
     __slots__ = ("start", "target", "chunk")
@@ -1083,7 +1087,7 @@ class TrackRequest(_message.Message):
     def __init__(self, start: _Optional[_Union[TrackStart, _Mapping]] = ..., target: _Optional[_Union[TrackTarget, _Mapping]] = ..., chunk: _Optional[_Union[TrackChunk, _Mapping]] = ...) -> None: ...
 
 class ChunkReport(_message.Message):
-    __slots__ = ("chunks", "live", "stale", "skipped", "starved", "largest_seam", "behind", "largest_behind", "least_left", "lag", "position_behind", "largest_position_behind", "position_lag")
+    __slots__ = ("chunks", "live", "stale", "skipped", "starved", "largest_seam", "behind", "largest_behind", "longest_inference", "lag", "position_behind", "largest_position_behind", "position_lag", "largest_position_seam", "latency_p50", "latency_p95", "smoothed", "largest_smoothing", "largest_position_smoothing")
     CHUNKS_FIELD_NUMBER: _ClassVar[int]
     LIVE_FIELD_NUMBER: _ClassVar[int]
     STALE_FIELD_NUMBER: _ClassVar[int]
@@ -1092,11 +1096,17 @@ class ChunkReport(_message.Message):
     LARGEST_SEAM_FIELD_NUMBER: _ClassVar[int]
     BEHIND_FIELD_NUMBER: _ClassVar[int]
     LARGEST_BEHIND_FIELD_NUMBER: _ClassVar[int]
-    LEAST_LEFT_FIELD_NUMBER: _ClassVar[int]
+    LONGEST_INFERENCE_FIELD_NUMBER: _ClassVar[int]
     LAG_FIELD_NUMBER: _ClassVar[int]
     POSITION_BEHIND_FIELD_NUMBER: _ClassVar[int]
     LARGEST_POSITION_BEHIND_FIELD_NUMBER: _ClassVar[int]
     POSITION_LAG_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_POSITION_SEAM_FIELD_NUMBER: _ClassVar[int]
+    LATENCY_P50_FIELD_NUMBER: _ClassVar[int]
+    LATENCY_P95_FIELD_NUMBER: _ClassVar[int]
+    SMOOTHED_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_SMOOTHING_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_POSITION_SMOOTHING_FIELD_NUMBER: _ClassVar[int]
     chunks: int
     live: int
     stale: int
@@ -1105,15 +1115,21 @@ class ChunkReport(_message.Message):
     largest_seam: float
     behind: float
     largest_behind: float
-    least_left: float
+    longest_inference: float
     lag: float
     position_behind: float
     largest_position_behind: float
     position_lag: float
-    def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., least_left: _Optional[float] = ..., lag: _Optional[float] = ..., position_behind: _Optional[float] = ..., largest_position_behind: _Optional[float] = ..., position_lag: _Optional[float] = ...) -> None: ...
+    largest_position_seam: float
+    latency_p50: float
+    latency_p95: float
+    smoothed: int
+    largest_smoothing: float
+    largest_position_smoothing: float
+    def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., longest_inference: _Optional[float] = ..., lag: _Optional[float] = ..., position_behind: _Optional[float] = ..., largest_position_behind: _Optional[float] = ..., position_lag: _Optional[float] = ..., largest_position_seam: _Optional[float] = ..., latency_p50: _Optional[float] = ..., latency_p95: _Optional[float] = ..., smoothed: _Optional[int] = ..., largest_smoothing: _Optional[float] = ..., largest_position_smoothing: _Optional[float] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
-    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at", "ended", "position_error")
+    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at", "ended", "position_error", "path_deviation", "largest_path_deviation")
     STATE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -1128,6 +1144,8 @@ class TrackResponse(_message.Message):
     HELD_AT_FIELD_NUMBER: _ClassVar[int]
     ENDED_FIELD_NUMBER: _ClassVar[int]
     POSITION_ERROR_FIELD_NUMBER: _ClassVar[int]
+    PATH_DEVIATION_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_PATH_DEVIATION_FIELD_NUMBER: _ClassVar[int]
     state: State
     q: Quaternion
     omega_body: Vector3
@@ -1142,7 +1160,9 @@ class TrackResponse(_message.Message):
     held_at: str
     ended: str
     position_error: float
-    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., held_at: _Optional[str] = ..., ended: _Optional[str] = ..., position_error: _Optional[float] = ...) -> None: ...
+    path_deviation: float
+    largest_path_deviation: float
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., held_at: _Optional[str] = ..., ended: _Optional[str] = ..., position_error: _Optional[float] = ..., path_deviation: _Optional[float] = ..., largest_path_deviation: _Optional[float] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
     __slots__ = ("lease_token", "device")

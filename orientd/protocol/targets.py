@@ -218,6 +218,10 @@ def poses_from_message(message: pb.TrackChunk, now_ns: int) -> Poses:
         samples.append(sample)
     if not samples:
         raise RequestError("chunk", f"none of its {count} poses is one: {problem}")
+    if message.observed_ns:
+        wrong = stamp_problem(message.observed_ns, now_ns, ahead=LONGEST_AHEAD)
+        if wrong:
+            raise RequestError("chunk.observed_ns", wrong)
     check_chunk_times("chunk.times_ns", samples[0].time_ns, samples[-1].time_ns, now_ns)
     return Poses(samples, count - len(samples), problem)
 

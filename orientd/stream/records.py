@@ -96,7 +96,7 @@ TAIL_WORD = 2
 CYCLE_RECORD = struct.Struct("@QqqqqQ6I45d")
 
 # index, code, motion, path_index, leave_index, final_index, start_ns | speed, limits
-LIMIT_FLOATS = 15
+LIMIT_FLOATS = 16
 COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + LIMIT_FLOATS}d")
 UNKNOWN = -1
 """Index of a record that is not yet known."""
@@ -113,13 +113,17 @@ HELD_WORD = 2
 """Word of the ring of targets: one more than the place of the keep-out cone that holds the target
 at its edge; 0 for none."""
 
-CHUNK_POSES = 64
+DEVIATION_WORD, LARGEST_DEVIATION_WORD = 3, 4
+"""Words of the ring of targets: distance of an arm's tool from its straight line to a target at
+rest, nm, and the largest so far."""
+
+CHUNK_POSES = 256
 """Poses of a chunk, at most."""
 
 KNOT_FLOATS = 19
-# index, poses, whether they have positions | times_ns, of each q(4) omega(3) alpha(3) position(3)
-# velocity(3) acceleration(3)
-CHUNK_RECORD = struct.Struct(f"@QI?{CHUNK_POSES}q{CHUNK_POSES * KNOT_FLOATS}d")
+# index, observed_ns, poses, whether they have positions | times_ns, of each q(4) omega(3) alpha(3)
+# position(3) velocity(3) acceleration(3)
+CHUNK_RECORD = struct.Struct(f"@QqI?{CHUNK_POSES}q{CHUNK_POSES * KNOT_FLOATS}d")
 
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400
@@ -201,6 +205,7 @@ class ServoLimits:
         axis_velocity: largest components of the angular velocity in the body frame, rad/s.
         axis_acceleration: largest components of the angular acceleration, rad/s^2.
         axis_jerk: largest components of the angular jerk, rad/s^3.
+        path_tolerance: how far an arm's tool may leave the straight line to a target at rest, m.
         has_axes: whether any single component is limited.
     """
 
@@ -213,6 +218,7 @@ class ServoLimits:
     axis_velocity: Vector3 = NO_AXES
     axis_acceleration: Vector3 = NO_AXES
     axis_jerk: Vector3 = NO_AXES
+    path_tolerance: float = math.inf
     has_axes: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -236,13 +242,14 @@ class ServoLimits:
             *self.axis_velocity,
             *self.axis_acceleration,
             *self.axis_jerk,
+            self.path_tolerance,
         )
 
     @classmethod
     def from_floats(cls, floats: Sequence[float]) -> ServoLimits:
         """Return the limits that :meth:`floats` encoded."""
         f = tuple(floats)
-        fields: list[Any] = [*f[:6], f[6:9], f[9:12], f[12:15]]
+        fields: list[Any] = [*f[:6], f[6:9], f[9:12], f[12:15], f[15]]
         return cls(*fields)
 
 

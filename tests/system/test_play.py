@@ -109,11 +109,16 @@ def test_the_distance_to_a_target_is_reported_in_metres(robot):
     with robot.track() as tracking:
         tracking.aim(Q(w=1, x=0, y=0, z=0))
         until(lambda: tracking.report.HasField("error"), "the target")
-        assert not tracking.report.HasField("position_error")
+        assert tracking.timing().position_error is None
         x, y, z = to_vector(tracking.report.position)
         tracking.aim(Q(w=1, x=0, y=0, z=0), position=[x + 0.05, y, z], time_to_live=5.0)
         until(lambda: tracking.report.position_error > 0.01, "a report on the way")
         until(lambda: tracking.report.position_error < 1e-6, "the position")
+        timing = tracking.timing()
+        assert (timing.targets, timing.refused, timing.refusal) == (2, 0, "")
+        assert max(timing.error, timing.position_error) < 1e-6
+        # This device has no axes that turn its tool off a line.
+        assert timing.path_deviation == timing.largest_path_deviation == 0.0
 
 
 def test_a_noisy_chunk_is_smoothed_within_its_tolerance(robot):
@@ -127,6 +132,37 @@ def test_a_noisy_chunk_is_smoothed_within_its_tolerance(robot):
     assert angle_of(play.report) == pytest.approx(0.29, abs=1e-3)
     assert to_vector(play.report.position) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
     assert play.timing().skipped == 1
+
+
+def test_noise_that_would_break_the_limits_is_smoothed_and_told(robot):
+    noise = 0.02 * (-1.0) ** np.arange(256)
+    with robot.play(limits={"acceleration": 5.0}) as play:
+        play.chunk(about_z(0.001 * np.arange(256)), rate=100.0)
+        until(lambda: play.timing().chunks == 1, "the chunk")
+        assert play.timing().smoothed == 0
+        play.chunk(about_z(0.001 * np.arange(256) + noise), rate=100.0)
+    timing = play.timing()
+    assert (timing.smoothed, timing.largest_position_smoothing) == (1, 0.0)
+    assert 0.02 < timing.largest_smoothing < 0.06
+    # The last pose stays.
+    assert angle_of(play.report) == pytest.approx(0.255 - 0.02, abs=1e-5)
+
+
+@pytest.mark.real
+def test_the_latency_is_from_the_observation_to_the_setpoints_of_a_chunk(robot):
+    with robot.play() as play:
+        for k in range(10):
+            observed = time.monotonic()
+            time.sleep(0.05)  # infers
+            assert play.timing().latency_p50 is None or k
+            stamps = observed + np.arange(16) / RATE
+            play.chunk(about_z(0.01 * (stamps - observed)), times=stamps, observed=observed)
+        until(lambda: play.timing().chunks == 10, "the last chunk")
+        play.wait(10.0)
+    timing = play.timing()
+    assert 0.05 < timing.latency_p50 <= timing.latency_p95 < 0.5
+    assert timing.inference < timing.latency_p95
+    assert timing.inference < timing.longest_inference < 16 / RATE
 
 
 def test_a_stop_ends_the_playing(daemon, robot, before):

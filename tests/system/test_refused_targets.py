@@ -58,13 +58,21 @@ def move_once_with_a_position(play):
 
 
 WRONG = {
-    "100 poses": (
-        lambda play: play.chunk(ramp(100), rate=50.0),
-        r"poses: expected 1 to 64 poses, got 100; send them as several chunks, one behind",
+    "300 poses": (
+        lambda play: play.chunk(ramp(300), rate=50.0),
+        r"poses: expected 1 to 256 poses, got 300; send them as several chunks, one behind",
     ),
     "no pose": (
         lambda play: play.chunk([], rate=30.0),
-        r"poses: expected 1 to 64 poses, got 0; send no chunk$",
+        r"poses: expected 1 to 256 poses, got 0; send no chunk$",
+    ),
+    "an observation to come": (
+        lambda play: play.chunk(ramp(9), rate=30.0, observed=time.monotonic() + 1.0),
+        r"observed: expected at most 0 s ahead, got (1|0\.99)",
+    ),
+    "an observation in Unix time": (
+        lambda play: play.chunk(ramp(9), rate=30.0, observed=time.time()),
+        r"observed: .* s is Unix time; give time.monotonic\(\) of this machine, now",
     ),
     "only NaN": (
         lambda play: play.chunk([NO_POSE] * 16, rate=30.0),
@@ -171,6 +179,12 @@ def test_what_the_client_knows_to_be_wrong_is_refused_at_the_call(robot, wrong):
         send(play)
     assert time.monotonic() - begin < 10.0
     assert play.timing().chunks == 0
+
+
+def test_a_path_tolerance_that_is_none_is_refused(robot):
+    for wrong in (0.0, -0.001, math.nan, math.inf):
+        with pytest.raises(RequestError, match="path_tolerance: expected more than 0 m, got"):
+            robot.track(path_tolerance=wrong)
 
 
 POSE = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
@@ -289,8 +303,8 @@ def test_a_block_ends_if_the_device_does_not_come_to_rest(robot, monkeypatch):
     play.chunk(ramp(16), rate=30.0)
     line = r"does not rest 0.5 s after the last pose was due, and is 0\.1\d+ rad away from it"
     with pytest.raises(StateError, match=line), play:
-        pass
-    assert 1.0 < time.monotonic() - begin < 10.0
+        assert not play.wait()
+    assert 1.5 < time.monotonic() - begin < 10.0
     assert math.hypot(play.report.omega_body.x, play.report.omega_body.z) < 1e-9
 
 

@@ -33,7 +33,8 @@ class Following:
             DaemonError: the servo has ended.
         """
         self._device, self._counts = device, device.targets.count()
-        self._refused = self._skipped = 0
+        self._refused = self._skipped = self._smoothed = 0
+        self._turn = self._shift = 0.0
         self._refusal = ""
         self._newest: AimedAt | None = None
         self._untold, self._told = 0, -SPACING
@@ -53,11 +54,13 @@ class Following:
         now_ns = time.monotonic_ns()
         try:
             samples, skipped, malformed = poses_from_message(message, now_ns)
-            left_out, out_of_reach = self._device.targets.play(samples)
+            left_out, out_of_reach, curve = self._device.targets.play(samples, message.observed_ns)
         except OrientdError as error:
             self.refuse(str(error))
             return
         self._skipped += skipped + left_out
+        self._smoothed += max(curve.turn, curve.shift) > 0.0
+        self._turn, self._shift = max(self._turn, curve.turn), max(self._shift, curve.shift)
         late = 1e-9 * (now_ns - samples[-1].time_ns)
         if late >= 0.0:
             self._tell(
@@ -94,21 +97,15 @@ class Following:
         given, left_out = self._counts.targets
         chunks, found = self._counts.chunks
         error, position_error = self._errors(cycle.q, cycle.position)
+        deviation, largest_deviation = self._counts.path_deviations
         return pb.TrackResponse(
             chunks=pb.ChunkReport(
                 chunks=chunks,
-                live=found.live,
-                stale=found.stale,
                 skipped=self._skipped,
-                starved=found.starved,
-                largest_seam=found.seam,
-                behind=found.behind,
-                largest_behind=found.farthest,
-                least_left=found.least_left,
-                lag=found.lag,
-                position_behind=found.position_behind,
-                largest_position_behind=found.position_farthest,
-                position_lag=found.position_lag,
+                smoothed=self._smoothed,
+                largest_smoothing=self._turn,
+                largest_position_smoothing=self._shift,
+                **found._asdict(),
             )
             if chunks
             else None,
@@ -124,6 +121,8 @@ class Following:
             error=error,
             position_error=position_error,
             held_at=now.held_at,
+            path_deviation=deviation,
+            largest_path_deviation=largest_deviation,
         )
 
     def _errors(self, q: Quaternion, position: Vector3) -> tuple[float | None, float | None]:

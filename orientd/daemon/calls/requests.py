@@ -40,6 +40,17 @@ def interval(field: str, rate_hz: float) -> float:
     return 1.0 / rate_hz
 
 
+def path_tolerance(metres: float) -> float:
+    """Return the path tolerance of a track, m; 0 is without a bound.
+
+    Raises:
+        RequestError: it is negative, or not a number.
+    """
+    if not metres >= 0.0:
+        raise RequestError("start.path_tolerance", f"expected 0 or more metres, got {metres:g}")
+    return metres or math.inf
+
+
 def sample_rate(rate_hz: float, device: Device) -> float:
     """Return the rate at which to sample a motion of *device*; 0 for no samples.
 

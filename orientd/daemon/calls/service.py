@@ -30,10 +30,11 @@ from orientd.daemon.calls.requests import (
     check_moving,
     interval,
     move_options,
+    path_tolerance,
     planning_timeout,
     sample_rate,
 )
-from orientd.daemon.device import GONE, TICK, Device, QueuedMotion
+from orientd.daemon.device import GONE, TICK, Device, QueuedMotion, servo_limits_of
 from orientd.daemon.devices import Devices
 from orientd.daemon.leases import Lease
 from orientd.daemon.planners.planned_motion import PlannedMotion
@@ -384,9 +385,11 @@ class Service:
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
             limits = device.limits.narrowed(limits_to_wish(begin.limits))
             limits.check_range(1e-9 * device.period_ns)
+            tolerance = path_tolerance(begin.path_tolerance)
+            servo_limits = servo_limits_of(limits, brake_rate=1.0, path_tolerance=tolerance)
             self._devices.check(begin.lease_token, device, caller.identity.key)
             with device.expecting() as expected:
-                track = partial(device.track, expected, limits, token=begin.lease_token)
+                track = partial(device.track, expected, servo_limits, token=begin.lease_token)
                 await device.workers.commands.run(track)
             run = expected
             following = Following(device)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from orientd.config import DeviceSettings
 from orientd.daemon.device.cycle_memory import CycleMemory
 from orientd.daemon.device.event import DeviceEvent, EventKind
-from orientd.daemon.device.queue import STOPPED, MotionQueue, servo_limits_of
+from orientd.daemon.device.queue import STOPPED, MotionQueue
 from orientd.daemon.device.queued_motion import AT_ONCE, Ended, MoveOptions, QueuedMotion
 from orientd.daemon.device.retarget import Retargeting
 from orientd.daemon.device.servo_process import ServoProcess
@@ -31,9 +31,8 @@ from orientd.daemon.planners.task import PlanCall
 from orientd.daemon.workers import DeviceWorkers, LoopErrors
 from orientd.driver import Explaining, Vector3
 from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
-from orientd.planner import Limits
 from orientd.protocol import control_pb2 as pb
-from orientd.stream.records import UNKNOWN, Command, Cycle, ServoState, unpack_cycle
+from orientd.stream.records import UNKNOWN, Command, Cycle, ServoLimits, ServoState, unpack_cycle
 
 if TYPE_CHECKING:
     from orientd.daemon.stops import StopFolder
@@ -341,21 +340,19 @@ class Device:
 
     # Following targets
 
-    def track(self, queued: QueuedMotion, limits: Limits, *, token: str = "") -> None:
+    def track(self, queued: QueuedMotion, servo_limits: ServoLimits, *, token: str = "") -> None:
         """Follow targets from now on, whatever moves at present; see :attr:`targets`.
 
         Args:
             queued: the following, see :meth:`expecting`.
-            limits: narrower than the device's own; infinite ones are left to it.
+            servo_limits: within the device's own.
             token: the lease.
 
         Raises:
-            RequestError: a limit is above the device's.
             LeaseError: *token* is not that of a lease of the device.
             StateError: the device is neither holding nor moving, or cannot follow targets.
             PlanError: the device does not report the data needed to check targets.
         """
-        servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
         queued.token = token
         self.targets.begin(servo_limits)
         with self._lock:

@@ -571,8 +571,10 @@ class MotionQueue:
         return posted
 
 
-def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
-    """Return what the servo's guard is to keep."""
+def servo_limits_of(
+    limits: Limits, brake_rate: float, path_tolerance: float = math.inf
+) -> ServoLimits:
+    """Return what the servo is to keep."""
     return ServoLimits(
         limits.velocity,
         limits.acceleration,
@@ -583,4 +585,5 @@ def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
         limits.axis_velocity,
         limits.axis_acceleration,
         limits.axis_jerk,
+        path_tolerance,
     )

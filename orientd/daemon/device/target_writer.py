@@ -14,9 +14,17 @@ from orientd.driver import Driver, Joints, Quaternion, Vector3
 from orientd.errors import LinkError, PlanError, RequestError
 from orientd.mechanism import Gimbal, Mechanical, Mechanism
 from orientd.mechanism.mechanism import refusal
-from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
+from orientd.servo.tracking.chunk_report import ChunkReport, read_report
+from orientd.servo.tracking.chunks import Smoothed, publish_chunk
 from orientd.stream import Cycle
-from orientd.stream.records import LEFT_OUT_WORD, NOT_GIVEN, Sample, ServoLimits
+from orientd.stream.records import (
+    DEVIATION_WORD,
+    LARGEST_DEVIATION_WORD,
+    LEFT_OUT_WORD,
+    NOT_GIVEN,
+    Sample,
+    ServoLimits,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -133,14 +141,16 @@ class TargetWriter:
             time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
         )
 
-    def play(self, samples: Sequence[Sample]) -> tuple[int, str]:
+    def play(self, samples: Sequence[Sample], observed_ns: int) -> tuple[int, str, Smoothed]:
         """Hand the servo a chunk of poses; waits for nothing.
 
         Args:
             samples: times ascending.
+            observed_ns: the observation that it answers; 0 if it names none.
 
         Returns:
-            How many poses were left out since the device cannot be there, and why the first was.
+            How many poses were left out since the device cannot be there, why the first was, and
+            the curve that is played.
 
         Raises:
             RequestError: the device cannot be at any of the poses.
@@ -153,8 +163,8 @@ class TargetWriter:
         problem = next(filter(None, problems), "")
         if not kept:
             raise RequestError("chunk", problem)
-        publish_chunk(memory.chunks, kept, self._limits)
-        return len(samples) - len(kept), problem
+        curve = publish_chunk(memory.chunks, kept, self._limits, observed_ns)
+        return len(samples) - len(kept), problem, curve
 
     def _refusal(self, q: Quaternion, position: Vector3 | None, cycle: Cycle | None) -> str:
         """Return why the device, as of *cycle*, cannot be at a pose, or an empty string."""
@@ -200,6 +210,12 @@ class TargetCounts:
         """How many targets the servo process was given, and how many it left out."""
         ring = self._memory.targets
         return ring.head - self._given, ring.words[LEFT_OUT_WORD] - self._left_out
+
+    @property
+    def path_deviations(self) -> tuple[float, float]:
+        """Distance of an arm's tool from its straight line, and the largest so far, m."""
+        words = self._memory.targets.words
+        return 1e-9 * words[DEVIATION_WORD], 1e-9 * words[LARGEST_DEVIATION_WORD]
 
     @property
     def chunks(self) -> tuple[int, ChunkReport]:

@@ -11,6 +11,6 @@ Here the state *is* the chain of backward differences that the guard checks.  A 
 because no other state is ever chosen (:mod:`orientd.servo.tracking.law`).  The tests compare with
 ruckig, whose duration about one axis is the optimum.
 
-Other packages import from ``chunks``, ``law``, ``preview``, ``quintic``, ``reference``,
-``target_follower`` and ``tracker``.
+Other packages import from ``chunk_report``, ``chunks``, ``law``, ``preview``, ``quintic``,
+``reference``, ``target_follower`` and ``tracker``.
 """

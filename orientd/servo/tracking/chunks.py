@@ -1,7 +1,4 @@
-"""The ring of chunks: a chunk is one record, so that the servo never sees a part of one.
-
-The words of the ring tell how the servo follows them.
-"""
+"""Chunks of poses, and their ring: a chunk is one record, so the servo never sees a part of one."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
 from math import isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, cross, difference, norm, normalize, plus
@@ -18,53 +15,17 @@ from orientd.stream.records import CHUNK_POSES, KNOT_FLOATS, Sample, ServoLimits
 from orientd.stream.ring import RecordRing
 from orientd.tolerances import NORM_TOLERANCE
 
-if TYPE_CHECKING:
-    from orientd.servo.tracking.preview import Preview
-
-LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD = range(1, 7)
-LEFT_WORD, LAG_WORD = 7, 8
-PLACE_BEHIND_WORD, PLACE_FARTHEST_WORD, PLACE_LAG_WORD = 9, 10, 11
-"""Words of the ring; angles in nanoradians, distances in nanometres, times in nanoseconds."""
-
 NOISE, PLACE_NOISE = 0.25, 0.05
 """How far a pose may be off a curve that smooths noise, rad and m."""
 
+_APART_NS = 100_000
+"""Time on either side of an instant for a difference: less than between two poses."""
+
+_UNIT = 2.0 * NORM_TOLERANCE
+"""How far the square of a quaternion's norm may be from 1."""
+
 _FEWEST = 3
 """Poses that are not thinned out further."""
-
-_ZERO_LEFT = 1 << 63
-"""No time left of a chunk, in the word for that, which has no sign; 0 if it is not known."""
-
-
-class ChunkReport(NamedTuple):
-    """How chunks have been followed since the following began.
-
-    Attributes:
-        live: poses of the newest chunk that were still to come when the servo took it.
-        stale: poses of all chunks that were not, so far.
-        starved: how many chunks came after the poses had run out, with poses to come or without.
-        seam: largest angle by which a chunk contradicted the one before, rad.
-        behind: angle from the last setpoint to the poses, rad: the limits cut it off.
-        farthest: the largest that it has been, rad.
-        lag: delay behind the poses that fits the last second best, s.
-        least_left: least time that was left of a chunk when the next one came, s; negative if the
-            poses had run out, ``None`` before the second one.
-        position_behind: distance from the last setpoint to the position of the poses, m.
-        position_farthest: the largest that it has been, m.
-        position_lag: delay of the position that fits the last second best, s.
-    """
-
-    live: int
-    stale: int
-    starved: int
-    seam: float
-    behind: float
-    farthest: float
-    lag: float
-    least_left: float | None
-    position_behind: float
-    position_farthest: float
-    position_lag: float
 
 
 class Chunk(NamedTuple):
@@ -73,84 +34,60 @@ class Chunk(NamedTuple):
     Attributes:
         knots: the curve through its poses.
         has_positions: whether it says where to be.
+        observed_ns: time of the observation that it answers; 0 if it names none.
     """
 
     knots: Sequence[Knot]
     has_positions: bool
+    observed_ns: int = 0
 
 
-def publish_chunk(ring: RecordRing, samples: Sequence[Sample], limits: ServoLimits) -> None:
-    """Write a chunk of 1 to :data:`.CHUNK_POSES` samples, whose times ascend.
+class Smoothed(NamedTuple):
+    """A curve near poses.
+
+    Attributes:
+        knots: the curve.
+        turn: largest angle from a pose to it, rad; 0 if it is the curve through the poses.
+        shift: largest distance from the position of a pose to it, m.
+    """
+
+    knots: list[Knot]
+    turn: float = 0.0
+    shift: float = 0.0
+
+
+def publish_chunk(
+    ring: RecordRing, samples: Sequence[Sample], limits: ServoLimits, observed_ns: int = 0
+) -> Smoothed:
+    """Write a chunk of 1 to :data:`.CHUNK_POSES` samples, whose times ascend; return its curve.
 
     Noise that would break *limits* is smoothed; see :func:`smoothed`.
     """
-    knots = smoothed(samples, limits)
+    curve = smoothed(samples, limits)
+    knots = curve.knots
     spare = CHUNK_POSES - len(knots)
     times = [knot.time_ns for knot in knots] + [0] * spare
     floats = [number for knot in knots for part in knot[1:] for number in cast(Vector3, part)]
     floats += [0.0] * (spare * KNOT_FLOATS)
-    ring.publish(len(knots), samples[0].position is not None, *times, *floats)
+    ring.publish(observed_ns, len(knots), samples[0].position is not None, *times, *floats)
+    return curve
 
 
 def read_chunk(fields: Sequence[Any]) -> Chunk | None:
     """Return the chunk of a record; ``None`` if it makes no sense."""
-    _, count, has_positions, *numbers = fields
+    _, observed_ns, count, has_positions, *numbers = fields
     times, floats = numbers[:count], numbers[CHUNK_POSES : CHUNK_POSES + count * KNOT_FLOATS]
-    if not 1 <= count <= CHUNK_POSES or not isfinite(sum(map(abs, floats))):
+    if not 1 <= count <= CHUNK_POSES or not isfinite(sum(floats)):
         return None
-    knots = []
-    for k, time_ns in enumerate(times):
-        w, x, y, z, *rates = floats[k * KNOT_FLOATS : (k + 1) * KNOT_FLOATS]
-        if not abs(w * w + x * x + y * y + z * z - 1.0) <= 2.0 * NORM_TOLERANCE:
-            return None
-        vectors = [cast(Vector3, tuple(rates[place : place + 3])) for place in range(0, 15, 3)]
-        knots.append(Knot(time_ns, (w, x, y, z), *vectors))
     if any(a >= b for a, b in pairwise(times)):
         return None
-    return Chunk(knots, has_positions)
-
-
-def read_report(ring: RecordRing) -> ChunkReport:
-    """Return how chunks have been followed."""
-    words = ring.words
-    live, stale, starved, seam, behind, farthest, left, lag = words[LIVE_WORD : LAG_WORD + 1]
-    least_left = 1e-9 * (left - _ZERO_LEFT) if left else None
-    angles = 1e-9 * seam, 1e-9 * behind, 1e-9 * farthest
-    of_place = (1e-9 * word for word in words[PLACE_BEHIND_WORD : PLACE_LAG_WORD + 1])
-    return ChunkReport(live, stale, starved, *angles, 1e-9 * lag, least_left, *of_place)
-
-
-def write_report(ring: RecordRing, preview: Preview) -> None:
-    """Write how a chunk was taken."""
-    words, left_ns = ring.words, preview.least_left_ns
-    words[LIVE_WORD], words[STALE_WORD] = preview.live, preview.stale
-    words[STARVED_WORD], words[SEAM_WORD] = preview.starved, round(1e9 * preview.seam)
-    words[LEFT_WORD] = 0 if left_ns is None else _ZERO_LEFT + left_ns
-
-
-def write_distance(ring: RecordRing, behind: float, lag: float) -> None:
-    """Write how far the setpoints are behind the poses: an angle, rad, and a delay, s."""
-    _write_distance(ring, BEHIND_WORD, behind, lag_word=LAG_WORD, lag=lag)
-
-
-def write_position_distance(ring: RecordRing, behind: float, lag: float) -> None:
-    """Write how far the setpoints are behind the position of the poses: m, and a delay, s."""
-    _write_distance(ring, PLACE_BEHIND_WORD, behind, lag_word=PLACE_LAG_WORD, lag=lag)
-
-
-def _write_distance(
-    ring: RecordRing, word: int, behind: float, *, lag_word: int, lag: float
-) -> None:
-    """Write a distance, the largest so far into the next *word*, and a delay."""
-    ring.words[word] = size = round(1e9 * behind)
-    ring.words[word + 1] = max(ring.words[word + 1], size)
-    ring.words[lag_word] = round(1e9 * lag)
-
-
-def clear_report(ring: RecordRing) -> None:
-    """Begin again."""
-    for word in range(LIVE_WORD, PLACE_LAG_WORD + 1):
-        ring.words[word] = 0
+    columns = [floats[place::KNOT_FLOATS] for place in range(KNOT_FLOATS)]
+    qs = list(zip(*columns[:4], strict=True))
+    if any(not abs(w * w + x * x + y * y + z * z - 1.0) <= _UNIT for w, x, y, z in qs):
+        return None
+    vectors = [zip(*columns[place : place + 3], strict=True) for place in range(4, KNOT_FLOATS, 3)]
+    knots = list(map(Knot, times, qs, *vectors))
+    return Chunk(knots, has_positions, observed_ns)
 
 
 def knots_of(samples: Sequence[Sample]) -> list[Knot]:
@@ -183,13 +120,15 @@ def knots_of(samples: Sequence[Sample]) -> list[Knot]:
     ]
 
 
-def smoothed(samples: Sequence[Sample], limits: ServoLimits) -> list[Knot]:
+def smoothed(samples: Sequence[Sample], limits: ServoLimits) -> Smoothed:
     """Return the curve through samples, or one near them if that curve would break limits.
 
     The closer poses are in time, the more acceleration their noise takes.  So the curve is made
     through every second pose, every fourth and so on until it keeps the limits, and read at the
-    times of all of them.  If a pose would be farther from it than :data:`NOISE` or
-    :data:`PLACE_NOISE`, the poses are no noise: their own curve stays, and the limits cut it off.
+    times of all of them.  The velocities that the sender gives count for the poses that it is made
+    through; the others get those of the curve.  If a pose would be farther from it than
+    :data:`NOISE` or :data:`PLACE_NOISE`, the poses are no noise: their own curve stays, and the
+    limits cut it off.
     """
     whole, kept = knots_of(samples), samples
     knots = whole
@@ -197,20 +136,30 @@ def smoothed(samples: Sequence[Sample], limits: ServoLimits) -> list[Knot]:
         kept = [*kept[:-1:2], kept[-1]]
         knots = knots_of(kept)
     if knots is whole or not _keep(knots, limits):
-        return whole
+        return Smoothed(whole)
     pieces = [Piece(*pair) for pair in pairwise(knots)]
     begins = [piece.here.time_ns for piece in pieces]
-    found = []
+    given = {one.time_ns: one.omega for one in kept}
+    found, turn, shift = [], 0.0, 0.0
     for one in samples:
-        piece = pieces[max(bisect_right(begins, one.time_ns) - 1, 0)]
-        q, position = piece.at(one.time_ns)
-        is_placed = one.position is not None
-        if norm(difference(q, one.q)) > NOISE or (
-            is_placed and norm(plus(position, one.position or ZERO, -1.0)) > PLACE_NOISE
-        ):
-            return whole
-        found.append(Sample(one.time_ns, q, None, position if is_placed else None))
-    return knots_of(found)
+        time_ns, omega = one.time_ns, one.omega
+        piece = pieces[max(bisect_right(begins, time_ns) - 1, 0)]
+        q, position = piece.at(time_ns)
+        turn = max(turn, norm(difference(q, one.q)))
+        if one.position is not None:
+            shift = max(shift, norm(plus(position, one.position, -1.0)))
+        if turn > NOISE or shift > PLACE_NOISE:
+            return Smoothed(whole)
+        if omega is not None:
+            omega = given.get(time_ns) or _rate_on(piece, time_ns)
+        found.append(Sample(time_ns, q, omega, None if one.position is None else position))
+    return Smoothed(knots_of(found), turn, shift)
+
+
+def _rate_on(piece: Piece, time_ns: int) -> Vector3:
+    """Return the angular velocity of a piece at an instant inside, rad/s: a difference."""
+    here, there = piece.at(time_ns - _APART_NS)[0], piece.at(time_ns + _APART_NS)[0]
+    return plus(ZERO, difference(here, there), 0.5e9 / _APART_NS)
 
 
 def _keep(knots: Sequence[Knot], limits: ServoLimits) -> bool:

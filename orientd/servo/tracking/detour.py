@@ -2,7 +2,7 @@
 
 A target inside a cone is held at the nearest point of the edge.  If the direct path to the target
 crosses a cone, the axis follows the shortest route around; see :mod:`orientd.keep_out.tangents`.
-It keeps to the side on which it passes the first cone, unless the other one is much shorter.
+Each axis keeps to the side on which it passes its first cone, unless the other one is much shorter.
 Everything is computed in the frame of the tool at the last setpoint, and again every few cycles,
 since targets move.
 """
@@ -63,7 +63,7 @@ class Detour:
     def forget(self) -> None:
         """Begin without a preferred side."""
         self.held = -1
-        self._side: Side | None = None
+        self._sides: dict[Vector3, Side] = {}
         self._fresh = 0
         self._ahead: Vector3 | None = None
 
@@ -103,7 +103,7 @@ class Detour:
             first = _first_on(axis, unit, size, circles)
             if first >= 0 or _inside(wanted, circles) >= 0:
                 return self._around(axis, wanted, multiply(conjugate(q), target), circles)
-        self._side = None
+        self._sides.clear()
         return None
 
     def _around(
@@ -145,7 +145,7 @@ class Detour:
         heading, distance = towards(axis, wanted)
         first = _first_on(axis, cross(axis, heading), distance, circles)
         if first < 0:
-            self._side = None
+            self._sides.pop(axis, None)
             return distance, heading, -1
         route = self._route(axis, wanted, circles)
         if route is None:
@@ -167,12 +167,14 @@ class Detour:
         found = shortest_route(axis, wanted, edges)
         if found is None:
             return None
-        if self._side is not None and self._side not in found.sides[:1]:
-            place, sense = self._side
+        side = self._sides.pop(axis, None)
+        if side is not None and side not in found.sides[:1]:
+            place, sense = side
             kept = shortest_route(axis, wanted, edges, banned=[(place, -sense)])
             if kept is not None and found.length >= _KEPT * kept.length:
                 found = kept
-        self._side = next(iter(found.sides), None)
+        if found.sides:
+            self._sides[axis] = found.sides[0]
         return found
 
 

@@ -25,6 +25,7 @@ from orientd import kernels
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, cross, difference, exp, multiply, norm, normalize, plus
 from orientd.mechanism.mechanism import Rows
+from orientd.servo.tracking.quintic import time_of
 
 WINDOW = 27
 """Most samples of a fit."""
@@ -85,8 +86,8 @@ Value = Quaternion | Vector3
 """An orientation ``(w, x, y, z)``, or a position, m."""
 
 
-class Sample:
-    """A sample of a motion.
+class TimedValue:
+    """A sample of the motion of a target, of its orientation or its position.
 
     Attributes:
         time_ns: when.
@@ -132,16 +133,17 @@ class Forecast:
         self._mean, self._read = array("d", bytes(8 * NUMBERS)), array("d", bytes(96))
         self._fits = Rows(FITS, NUMBERS)
         self._reach = self._gap = 0.0
+        self._looked = 0, 0
         self._begin(0)
 
     def _begin(self, time_ns: int) -> None:
         """Begin another motion, at rest; the scores stay, because the noise does."""
         self.begin_ns = time_ns
-        self._newest: Sample | None = None
-        self._seen: tuple[int, Sample] | None = None
+        self._newest: TimedValue | None = None
+        self._seen: tuple[int, TimedValue] | None = None
         self._offset = ZERO, ZERO, ZERO
 
-    def at(self, samples: Sequence[Sample], version: int, now_ns: int) -> Moving:
+    def at(self, samples: Sequence[TimedValue], version: int, now_ns: int) -> Moving:
         """Return the motion at an instant.
 
         Args:
@@ -149,8 +151,8 @@ class Forecast:
             version: changes with every change of *samples*.
             now_ns: the instant, later than in the last call.
         """
-        due = bisect_right(samples, now_ns, key=_time_of) - 1
-        end = self._noted(samples, due, now_ns)
+        due = bisect_right(samples, now_ns, key=time_of) - 1
+        end = self._noted(samples, version, due, now_ns)
         newest = self._newest
         if newest is None or not 0 < samples[end - 1].time_ns - newest.time_ns < SPACING_NS:
             newest = samples[end - 1]
@@ -162,12 +164,14 @@ class Forecast:
         self._offset = _faded(self._offset, max(FADING * self._gap, QUICKEST), self._period)
         return Moving(self._moved(value, way), plus(rate, speed, 1.0), change, lead)
 
-    def _noted(self, samples: Sequence[Sample], due: int, now_ns: int) -> int:
+    def _noted(self, samples: Sequence[TimedValue], version: int, due: int, now_ns: int) -> int:
         """Compare new samples with the fits; return the number of samples that may be fitted.
 
         If a sample begins another motion, it and all after it may not before the next cycle.
         """
         end = min(due + 1 + AHEAD, len(samples))
+        if self._looked == (version, end):
+            return end
         for place in range(max(0, end - WINDOW), end):
             sample = samples[place]
             if sample.is_noted:
@@ -180,9 +184,10 @@ class Forecast:
             else:
                 self._score(sample)
             sample.is_noted = True
+        self._looked = version, end
         return end
 
-    def _begins(self, samples: Sequence[Sample], place: int) -> bool:
+    def _begins(self, samples: Sequence[TimedValue], place: int) -> bool:
         """Return whether no motion of the samples before explains a sample."""
         sample, before = samples[place], samples[place - 1]
         if place == 0 or before.time_ns < self.begin_ns or not before.is_noted:
@@ -205,7 +210,7 @@ class Forecast:
         most = GATE * sqrt(square) + 0.5 * AGILITY * span * (span + spacing)
         return norm(surprise) > most
 
-    def _score(self, sample: Sample) -> None:
+    def _score(self, sample: TimedValue) -> None:
         """Note how well the fits have foretold a sample."""
         newest = self._newest
         if newest is None:
@@ -215,7 +220,7 @@ class Forecast:
             way = array("d", self._way(newest.value, sample.value))
             kernels.score_fits(self._fits.view, horizon, way, LEARNING, self._scores.view)
 
-    def _fit(self, samples: Sequence[Sample], end: int, now_ns: int) -> None:
+    def _fit(self, samples: Sequence[TimedValue], end: int, now_ns: int) -> None:
         """Fit the newest samples; the change of the forecast begins to fade."""
         newest, last = samples[end - 1], self._newest
         before = None
@@ -240,7 +245,7 @@ class Forecast:
                 rows.append((t, *way, *seen))
             place, latest_ns = place - 1, sample.time_ns - SPACING_NS
             if place >= 0 and samples[place].time_ns > latest_ns:
-                place = bisect_right(samples, latest_ns, 0, place, key=_time_of) - 1
+                place = bisect_right(samples, latest_ns, 0, place, key=time_of) - 1
         self._gap = -rows[-1][0] / max(len(rows) - 1, 1)
         table = Rows(len(rows), len(rows[0]), [number for row in rows for number in row])
         kernels.fit_samples(table.view, TRUST, self._fits.view)
@@ -255,7 +260,7 @@ class Forecast:
                 plus(change, plus(before.change, after.change, -1.0), 1.0),
             )
 
-    def _moving(self, newest: Sample, now_ns: int) -> Moving:
+    def _moving(self, newest: TimedValue, now_ns: int) -> Moving:
         """Return the forecast from the newest sample at an instant, without its last change."""
         t = (now_ns - newest.time_ns) * 1e-9
         tried = min(t, self._reach)
@@ -300,7 +305,3 @@ def _faded(
     speed = plus(combine(first, left, second, left * period), way, -rate)
     change = plus(plus(plus(ZERO, second, left), speed, -2.0 * rate), way, -rate * rate)
     return way, speed, change
-
-
-def _time_of(sample: Sample) -> int:
-    return sample.time_ns

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.driver import ZERO, Quaternion
 from orientd.floats import difference, norm
+from orientd.servo.tracking.chunk_report import ChunkStatistics
+from orientd.servo.tracking.chunks import Chunk
 from orientd.servo.tracking.forecast import JUMP
-from orientd.servo.tracking.preview import Motion, Preview, PreviewState
-from orientd.servo.tracking.quintic import Knot
+from orientd.servo.tracking.preview import Motion, Place, Preview, PreviewState
 from orientd.servo.tracking.reference import Reference, ReferenceState, Target
 from orientd.stream.records import ServoLimits
 
@@ -21,22 +21,6 @@ _ASTRAY = 1e-3
 
 _ARRIVED = 1e-8
 """Angle, rad, and velocity, rad/s, within which the device is at its end."""
-
-
-class Place(NamedTuple):
-    """Where the position should be at the last setpoint, and how it continues.
-
-    Attributes:
-        position: m.
-        velocity: of the last step, m/s.
-        acceleration: of the last two steps, m/s^2.
-        next_acceleration: with the next step, m/s^2.
-    """
-
-    position: Vector3
-    velocity: Vector3
-    acceleration: Vector3 = ZERO
-    next_acceleration: Vector3 = ZERO
 
 
 class Follower(Protocol):
@@ -61,11 +45,12 @@ class Guidance:
         preview: the chunks.
         place: where the position should be, if the target says so.
         end: the target that is known to be the last, and the time until then, s.
-        behind: angle from the last setpoint to the poses of the chunks, rad; zero at their end.
+        statistics: how chunks are followed.
     """
 
     def __init__(self, period: float) -> None:
         """Create it for one cycle per *period* seconds."""
+        self.statistics = ChunkStatistics(period)
         self._period = period
         self._period_ns = round(period * 1e9)
         self.reference = Reference(period)
@@ -73,7 +58,8 @@ class Guidance:
     def begin(self, servo_limits: ServoLimits) -> None:
         """Begin without targets; chunks are joined within *servo_limits*."""
         self.reference.clear()
-        self.preview = Preview(self._period, servo_limits)
+        self.statistics.clear()
+        self.preview = Preview(self._period, servo_limits, self.statistics)
         self._forget()
 
     @property
@@ -85,24 +71,19 @@ class Guidance:
         """Accept a target; return an empty string, or why it was refused."""
         problem = self.reference.take(target, now_ns)
         if not problem and self.preview.is_on:
-            self.preview.clear()
+            self._forget_chunks()
         return problem
 
-    def take_chunk(
-        self, knots: Sequence[Knot], sent: Motion, sent_ns: int, *, has_positions: bool
-    ) -> str:
+    def take_chunk(self, chunk: Chunk, sent: Motion, sent_ns: int) -> str:
         """Take a chunk; return an empty string, or why it was refused.
 
         Args:
-            knots: its curve, times ascending.
+            chunk: its times ascend.
             sent: the last setpoint.
             sent_ns: the time of that.
-            has_positions: whether the chunk says where to be.
         """
-        is_fresh = self._is_concluded or self.behind > _ASTRAY
-        problem = self.preview.take(
-            knots, sent, sent_ns, has_positions=has_positions, is_fresh=is_fresh
-        )
+        is_fresh = self._is_concluded or self._is_astray
+        problem = self.preview.take(chunk, sent, sent_ns, is_fresh=is_fresh)
         if not problem:
             self.reference.clear()
             self._forget()
@@ -111,16 +92,19 @@ class Guidance:
     def cease(self) -> None:
         """Forget every target."""
         self.reference.clear()
-        self.preview.clear()
+        self._forget_chunks()
         self._forget()
+
+    def _forget_chunks(self) -> None:
+        self.preview.clear()
+        self.statistics.rest()
 
     def _forget(self) -> None:
         self.place: Place | None = None
         self.end: tuple[Target, float] | None = None
         self._last: Target | None = None
         self._home: Target | None = None
-        self._has_met = self._is_concluded = False
-        self.behind = 0.0
+        self._has_met = self._is_concluded = self._is_astray = False
 
     def look(self, now_ns: int, follower: Follower) -> ReferenceState | PreviewState | None:
         """Return what to follow, at the last setpoint, on the way to the one due at *now_ns*.
@@ -175,24 +159,21 @@ class Guidance:
     def _previewed(self, now_ns: int, follower: Follower) -> ReferenceState | PreviewState:
         """Return what to follow of the chunks."""
         preview = self.preview
-        found, end = preview.at(now_ns), preview.end
+        found, self.place = preview.at(now_ns)
+        end = preview.end
         left_ns = end.time_ns - now_ns + self._period_ns
         position = end.position if preview.has_positions else None
         last = Target(end.q, None, end.time_ns, end.time_ns, position)
         self.end = (last, left_ns * 1e-9) if left_ns > 0 else None
-        if position is None:
-            self.place = None
-        else:
-            moving = found.position, found.velocity, found.acceleration, found.next_acceleration
-            self.place = Place(*moving)
         if not self._is_concluded:
             self._is_concluded = left_ns <= 0 or (
                 not preview.is_continued(now_ns) and follower.must_brake(last, left_ns * 1e-9)
             )
-        if self._is_concluded:
-            self.behind = 0.0
-            return ReferenceState(end.q, ZERO, ZERO)
         gap = difference(follower.moving()[0], found.q)
-        self.behind = norm(gap)
-        preview.lag.note(gap, found.omega)
+        if self._is_concluded:
+            # Until the last pose is due, a device that brakes for it is not behind.
+            self.statistics.note_gap(ZERO if left_ns > 0 else gap, ZERO)
+            return ReferenceState(end.q, ZERO, ZERO)
+        self._is_astray = norm(gap) > _ASTRAY
+        self.statistics.note_gap(gap, found.omega)
         return found

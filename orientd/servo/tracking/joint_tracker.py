@@ -13,13 +13,15 @@ that time may have no stop inside the new limits.  Then the arm stops at once, i
 of old and new.  The new limits hold from the first cycle in which a stop keeps them.  If a path has
 no stop inside the wider ones either, following does not begin yet.
 
-While the joints catch up with a target, the tool leaves its straight line.
+While the joints catch up with a target, the tool leaves its straight line
+(:mod:`orientd.servo.tracking.straight_line`).  With a tolerance for that, the tracker sends no step
+whose stop would end beyond it.
 """
 
 from __future__ import annotations
 
 from array import array
-from math import ceil, dist, nan
+from math import ceil, dist, inf, nan
 
 from orientd import kernels
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
@@ -32,12 +34,16 @@ from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones, Room
 from orientd.servo.tracking.detour import Detour
 from orientd.servo.tracking.forecast import JUMP
-from orientd.servo.tracking.guidance import Guidance, Place
+from orientd.servo.tracking.guidance import Guidance
 from orientd.servo.tracking.law import FULL, NO_LIMITS, Need, gains_of
-from orientd.servo.tracking.preview import PreviewState
+from orientd.servo.tracking.preview import Place, PreviewState
 from orientd.servo.tracking.reference import ReferenceState, Target
 from orientd.servo.tracking.stop_filter import RESERVE
+from orientd.servo.tracking.straight_line import StraightLine
 from orientd.stream.records import ServoLimits
+
+TOOL_LIMITS = 15
+"""Numbers of a motion's limits that the kernels know."""
 
 LONGEST_STOP = 1000
 """Most cycles of a stop: the speed stays below that from which it takes longer."""
@@ -83,6 +89,7 @@ class JointTracker:
         limits: the limits in force.
         hindrance: why the axes cannot come closer to the targets; empty if they can.
         is_at_rest: whether nothing turns and no target lives or waits.
+        line: how far the tool leaves its straight line.
     """
 
     def __init__(
@@ -121,6 +128,7 @@ class JointTracker:
         self._rest = gains_of(slowest, slowest / h, h)
         self._detour = None if cones is None else Detour(cones, h)
         self._room = None if cones is None else Room(cones)
+        self.line = StraightLine()
         self._put_in_force(NO_LIMITS)
         self._asked = self.limits
         self.hindrance, self.is_at_rest = "", True
@@ -158,6 +166,7 @@ class JointTracker:
         self._anchor: Vector3 | None = None
         self.is_at_rest = not self._moves()
         self._need.forget()
+        self.line.largest = 0.0
         self.forget()
 
     def forget(self) -> None:
@@ -189,9 +198,11 @@ class JointTracker:
             found = self._guidance.look(now_ns, self)
         if found is None:
             self.is_at_rest = not (self._moves() or self._guidance.awaits)
+            self.line.clear()
         else:
             self.is_at_rest = False
             self._advance(found)
+        self.line.note((self._guard.q, self._guard.position))
         joints = self._stop[self._at]
         self._at = min(self._at + 1, self._end - 1)
         return (*self._mechanism.forward(joints), joints)
@@ -290,6 +301,7 @@ class JointTracker:
 
     def _begins_to_stop(self) -> bool:
         """Take a stop in hand that begins at once; return whether one keeps the limits."""
+        self.line.clear()
         self._accelerations[0] = nan
         return any(self._rolls_out(share) for share in (CAUTION, 1.0))
 
@@ -301,7 +313,8 @@ class JointTracker:
             self._put_in_force(wide)
 
     def _put_in_force(self, limits: ServoLimits) -> None:
-        self.limits, self._tool_limits = limits, array("d", limits.floats())
+        self.limits = limits
+        self._tool_limits = array("d", limits.floats()[:TOOL_LIMITS])
 
     def _look_at_guard(self) -> None:
         """Note the state from which the next setpoint starts."""
@@ -337,7 +350,7 @@ class JointTracker:
         )
         if not count:
             return False
-        problem = self._nearing(count)
+        problem = self._nearing(count) or self._leaving(count)
         if problem:
             self._strain[0], self.hindrance = 0.0, problem
             return False
@@ -359,6 +372,17 @@ class JointTracker:
                 return f"the {one.name} would be {value:.3g} {one.unit} from its singularity"
         return ""
 
+    def _leaving(self, count: int) -> str:
+        """Return how far the stop of the trial would end from the line, or nothing."""
+        most = self.limits.path_tolerance
+        if most == inf:
+            return ""
+        away = self.line.distance(self._mechanism.forward(self._trial[count - 1])[1])
+        if away <= most:
+            return ""
+        text = f"the tool would leave the straight line by {1e3 * away:.3g} mm"
+        return f"{text}, the path_tolerance is {1e3 * most:.3g} mm"
+
     def _reason(self) -> str:
         """Return in words why a stop was refused, as far as an operator can change that."""
         kind, place, value, _ = self._strain
@@ -376,6 +400,7 @@ class JointTracker:
         """Take the largest part of the step towards a reference in hand that has a stop."""
         place = self._place(found)
         around = self._around(found)
+        self._keep_line(found, place, is_direct=around is None)
         rows, is_way = None, around is not None
         self.hindrance = ""
         if around is None:
@@ -389,6 +414,16 @@ class JointTracker:
             if not is_way:
                 self._note_range(rows)
             self._take_largest_part()
+
+    def _keep_line(
+        self, found: ReferenceState | PreviewState, place: Place, *, is_direct: bool
+    ) -> None:
+        """Begin a straight line if there is another target at rest, with no cone before it."""
+        rates = found.omega, found.alpha, place.velocity, place.next_acceleration
+        if not is_direct or rates != (ZERO, ZERO, ZERO, ZERO):
+            self.line.clear()
+        elif not self.line.leads_to(goal := (found.q, place.position)):
+            self.line.begin(goal, self._guard.position, self._end_of_stop()[1])
 
     def _pursue(self, reference: Rows, *, is_way: bool) -> None:
         """Find the accelerations to aim at, towards joints or along a way."""

@@ -20,9 +20,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import combine, difference, dot, exp, multiply, norm, plus
+from orientd.floats import combine, difference, exp, multiply, norm, plus
+from orientd.servo.tracking.chunk_report import ChunkStatistics
+from orientd.servo.tracking.chunks import Chunk
 from orientd.servo.tracking.law import LEAST, Law
-from orientd.servo.tracking.quintic import Knot, Piece, quintic
+from orientd.servo.tracking.quintic import Knot, Piece, quintic, time_of
 from orientd.servo.tracking.reference import Arrivals
 from orientd.stream.records import ServoLimits
 
@@ -44,15 +46,6 @@ BENT = 0.05
 
 CATCHING_UP = 0.01
 """Part of a shift of the deadlines that the reading of the curve makes up for in one cycle."""
-
-REMEMBERED = 1.0
-"""How long a gap to the reference counts for the lag, s."""
-
-STANDING, STANDING_PLACE = 0.01, 0.001
-"""Speed of the reference up to which a gap to it is no lag, rad/s and m/s: noise of poses."""
-
-LONGEST_LAG = 60.0
-"""Largest lag that is reported, s: no pose of a chunk is farther ahead."""
 
 _LOOKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where a piece or an offset is held against the limits."""
@@ -79,49 +72,35 @@ class Motion(NamedTuple):
 
 
 class PreviewState(NamedTuple):
-    """The reference at the last setpoint, as a :class:`Motion`, and how it continues.
+    """Where the orientation should be at the last setpoint, and how it continues.
 
     Attributes:
-        q: orientation.
-        omega: rad/s.
-        alpha: rad/s^2.
-        position: m.
-        velocity: m/s.
-        acceleration: m/s^2.
-        next_alpha: angular acceleration with the next step, rad/s^2.
-        next_acceleration: acceleration with the next step, m/s^2.
+        q: orientation ``(w, x, y, z)``.
+        omega: angular velocity of the last step, rad/s.
+        alpha: angular acceleration of the last two steps, rad/s^2.
+        next_alpha: with the next step, rad/s^2.
     """
 
     q: Quaternion
     omega: Vector3
     alpha: Vector3
-    position: Vector3
-    velocity: Vector3
-    acceleration: Vector3
     next_alpha: Vector3
-    next_acceleration: Vector3
 
 
-class Lag:
-    """The delay of the setpoints behind the reference that fits the last second best.
+class Place(NamedTuple):
+    """Where the position should be at the last setpoint, and how it continues.
 
     Attributes:
-        seconds: that delay, s; 0 if the reference stands still.
+        position: m.
+        velocity: of the last step, m/s.
+        acceleration: of the last two steps, m/s^2.
+        next_acceleration: with the next step, m/s^2.
     """
 
-    def __init__(self, period: float, standing: float) -> None:
-        """Know no gap yet; a reference no faster than *standing*, rad/s or m/s, stands still."""
-        self._kept, self._standing = 1.0 - period / REMEMBERED, standing
-        self._slipped = self._swept = self.seconds = 0.0
-
-    def note(self, gap: Vector3, rate: Vector3) -> None:
-        """Note the way from a setpoint to the reference, rad or m, and the rate of that."""
-        if norm(rate) <= self._standing:
-            rate = ZERO
-        self._slipped = self._kept * self._slipped + dot(gap, rate)
-        self._swept = self._kept * self._swept + dot(rate, rate)
-        lag = self._slipped / self._swept if self._swept > 0.0 else 0.0
-        self.seconds = min(max(lag, 0.0), LONGEST_LAG)
+    position: Vector3
+    velocity: Vector3
+    acceleration: Vector3 = ZERO
+    next_acceleration: Vector3 = ZERO
 
 
 class Preview:
@@ -129,19 +108,19 @@ class Preview:
 
     Attributes:
         has_positions: whether the newest chunk says where to be.
-        live: poses of the newest chunk that were still to come when it arrived.
-        stale: poses of all chunks that were not.
-        seam: largest angle by which a chunk contradicted the one before, rad: at its first live
-            pose.
-        least_left_ns: least time that was left of a chunk when the next one came.
-        starved: how many chunks came after the poses had run out, with poses to come or without.
-        lag: delay of the orientation.
-        position_lag: delay of the position.
     """
 
-    def __init__(self, period: float, servo_limits: ServoLimits) -> None:
-        """Know nothing yet; offsets keep *servo_limits*, for one setpoint per *period* seconds."""
-        self._period = period
+    def __init__(
+        self, period: float, servo_limits: ServoLimits, statistics: ChunkStatistics
+    ) -> None:
+        """Know nothing yet.
+
+        Args:
+            period: of a cycle, s.
+            servo_limits: kept by offsets.
+            statistics: told by how much chunks contradict, and from when on they count.
+        """
+        self._period, self._statistics = period, statistics
         self._period_ns = round(period * 1e9)
         self._turning, self._moving = Law(period), Law(period)
         self._turning.limit_turn(servo_limits)
@@ -151,18 +130,13 @@ class Preview:
     def clear(self) -> None:
         """Forget every chunk."""
         self._knots: list[Knot] = []
-        self._waiting: list[list[Knot]] = []
+        self._waiting: list[tuple[list[Knot], int]] = []
         self._piece: Piece | None = None
         self._offset: Offset | None = None
         self._state: Motion | None = None
         self._read_ns = 0
         self._arrivals = Arrivals(1e9 * self._period)
         self.has_positions = False
-        self.live = self.stale = self.starved = 0
-        self.least_left_ns: int | None = None
-        self.seam = 0.0
-        self.lag = Lag(self._period, STANDING)
-        self.position_lag = Lag(self._period, STANDING_PLACE)
 
     @property
     def is_on(self) -> bool:
@@ -172,66 +146,60 @@ class Preview:
     @property
     def end(self) -> Knot:
         """The last pose."""
-        return (self._waiting or [self._knots])[-1][-1]
+        return self._newest[-1]
+
+    @property
+    def _newest(self) -> list[Knot]:
+        """The curve of the newest chunk."""
+        return self._waiting[-1][0] if self._waiting else self._knots
 
     def is_continued(self, now_ns: int) -> bool:
         """Whether the next chunk is expected before the poses run out, and not overdue."""
         arrivals = self._arrivals
         return arrivals.next_ns <= self.end.time_ns and not arrivals.have_ceased(now_ns)
 
-    def take(
-        self,
-        knots: Sequence[Knot],
-        sent: Motion,
-        sent_ns: int,
-        *,
-        has_positions: bool,
-        is_fresh: bool,
-    ) -> str:
+    def take(self, chunk: Chunk, sent: Motion, sent_ns: int, *, is_fresh: bool) -> str:
         """Take a chunk.
 
         Args:
-            knots: its curve, times ascending.
+            chunk: its times ascend.
             sent: the last setpoint.
             sent_ns: the time of that.
-            has_positions: whether the chunk says where to be.
             is_fresh: whether nothing is left of the curve before, or the device is not on it.
 
         Returns:
             An empty string, or why the chunk is refused: all of it has passed.
         """
-        first = bisect_right(knots, sent_ns, key=_time_of)
-        self.stale += first
+        knots, has_positions, observed_ns = chunk
+        first = bisect_right(knots, sent_ns, key=time_of)
         if first == len(knots):
-            self.starved += not self._knots or self.end.time_ns <= sent_ns
             return "every pose of the chunk has passed"
         self._arrivals.note(self.end.time_ns if self._knots else None, sent_ns)
-        self.live = len(knots) - first
         self._compare(knots[first], sent, sent_ns)
         # The curve is read for the last three setpoints, too.
-        begin = bisect_right(knots, sent_ns - 3 * self._period_ns, key=_time_of)
+        begin = bisect_right(knots, sent_ns - 3 * self._period_ns, key=time_of)
         curve = list(knots[max(begin - 1, 0) :])
         is_fresh = is_fresh or not self._knots or has_positions != self.has_positions
         self.has_positions = has_positions
         if is_fresh:
             self._waiting, self._offset, self._read_ns = [], None, sent_ns
-            self._take_over(curve, sent, _past(sent, self._period))
+            self._take_over(curve, observed_ns, sent, _past(sent, self._period))
         else:
             # The curve before it stays until then, or to its end.
             first_ns = curve[0].time_ns
-            self._waiting = [one for one in self._waiting if one[0].time_ns < first_ns]
-            self._waiting.append(curve)
+            self._waiting = [one for one in self._waiting if one[0][0].time_ns < first_ns]
+            self._waiting.append((curve, observed_ns))
             self._take_over_if_due()
         return ""
 
     def _take_over_if_due(self) -> None:
         """Continue with the next curve if its first pose is due, or none is left before it."""
         while self._waiting and self._state is not None:
-            due_ns = min(self._waiting[0][0].time_ns, self._knots[-1].time_ns)
+            due_ns = min(self._waiting[0][0][0].time_ns, self._knots[-1].time_ns)
             if due_ns > self._read_ns + self._period_ns:
                 return
             before = [self._bare_at(time_ns) for time_ns in self._looks]
-            self._take_over(self._waiting.pop(0), self._state, before)
+            self._take_over(*self._waiting.pop(0), self._state, before)
 
     @property
     def _looks(self) -> list[int]:
@@ -239,13 +207,23 @@ class Preview:
         return [self._read_ns - k * self._period_ns for k in (2, 1, 0)]
 
     def _take_over(
-        self, knots: list[Knot], state: Motion, before: Sequence[tuple[Quaternion, Vector3]]
+        self,
+        knots: list[Knot],
+        observed_ns: int,
+        state: Motion,
+        before: Sequence[tuple[Quaternion, Vector3]],
     ) -> None:
         """Continue with a curve from *state*, where the reference has been read.
 
-        *before* are the poses of the curve before it at the last three setpoints.
+        Args:
+            knots: the curve.
+            observed_ns: the observation that it answers; 0 for none.
+            state: the motion so far.
+            before: poses of the curve before it at the last three setpoints.
         """
         h, now_ns = self._period, self._read_ns
+        if observed_ns:
+            self._statistics.note_action((now_ns - observed_ns) * 1e-9 + h)
         old, self._offset = self._offset, None
         given, knots = knots, [self._eased(one) if one.time_ns > now_ns else one for one in knots]
         self._knots, self._piece, self._state = knots, None, state
@@ -315,17 +293,14 @@ class Preview:
         )
 
     def _compare(self, knot: Knot, sent: Motion, sent_ns: int) -> None:
-        """Note by how much a chunk contradicts the one before, and how late it comes."""
+        """Note by how much a chunk contradicts the one before."""
         if not self._knots:
             return
-        left_ns = self.end.time_ns - sent_ns
-        if self.least_left_ns is None or left_ns < self.least_left_ns:
-            self.least_left_ns = left_ns
-        if left_ns <= 0:
-            self.starved += 1
-        last = (self._waiting or [self._knots])[-1]
-        q = sent.q if left_ns <= 0 else _pose_on(last, knot.time_ns)[0]
-        self.seam = max(self.seam, norm(difference(q, knot.q)))
+        q, position = sent.q, sent.position
+        if self.end.time_ns > sent_ns:
+            q, position = _pose_on(self._newest, knot.time_ns)
+        apart = norm(plus(knot.position, position, -1.0)) if self.has_positions else 0.0
+        self._statistics.note_seam(norm(difference(q, knot.q)), apart)
 
     def _bare_at(self, time_ns: int) -> tuple[Quaternion, Vector3]:
         """Return orientation and position of the curve at an instant, without the offset."""
@@ -346,7 +321,7 @@ class Preview:
         turn, way = offset.at(time_ns)
         return multiply(q, exp(turn)), plus(position, way, 1.0)
 
-    def at(self, now_ns: int) -> PreviewState:
+    def at(self, now_ns: int) -> tuple[PreviewState, Place | None]:
         """Return the reference at the setpoint before *now_ns*, and how it continues to there.
 
         To be asked once for every setpoint, in order.
@@ -367,7 +342,11 @@ class Preview:
         velocity = combine(position, 1.0 / h, before.position, -1.0 / h)
         acceleration = combine(velocity, 1.0 / h, before.velocity, -1.0 / h)
         self._state = Motion(q, omega, alpha, position, velocity, acceleration)
-        return PreviewState(*before, alpha, acceleration)
+        turning = PreviewState(before.q, before.omega, before.alpha, alpha)
+        if not self.has_positions:
+            return turning, None
+        moving = before.position, before.velocity, before.acceleration
+        return turning, Place(*moving, acceleration)
 
     def _motion_at(self, time_ns: int) -> Motion:
         """Return the curve at an instant, with differences to the two periods before it."""
@@ -455,7 +434,7 @@ def _rates_on(knots: Sequence[Knot], time_ns: int) -> tuple[Vector3, ...]:
 
     Between two poses the first two are interpolated linearly.
     """
-    place = min(max(bisect_right(knots, time_ns, key=_time_of), 1), len(knots) - 1)
+    place = min(max(bisect_right(knots, time_ns, key=time_of), 1), len(knots) - 1)
     here, there = knots[place - 1], knots[place]
     span = (there.time_ns - here.time_ns) * 1e-9
     share = min(max((time_ns - here.time_ns) * 1e-9 / span, 0.0), 1.0) if span > 0.0 else 0.0
@@ -472,7 +451,7 @@ def _rates_on(knots: Sequence[Knot], time_ns: int) -> tuple[Vector3, ...]:
 
 def _piece_on(knots: Sequence[Knot], time_ns: int) -> Piece:
     """Return the piece of a curve at an instant between its ends."""
-    place = bisect_right(knots, time_ns, key=_time_of)
+    place = bisect_right(knots, time_ns, key=time_of)
     return Piece(knots[place - 1], knots[place])
 
 
@@ -512,7 +491,3 @@ def _knot_of(state: Motion, time_ns: int, h: float) -> Knot:
     velocity = plus(state.velocity, state.acceleration, 0.5 * h)
     at = state.position, velocity, state.acceleration
     return Knot(time_ns, state.q, omega, state.alpha, *at)
-
-
-def _time_of(knot: Knot) -> int:
-    return knot.time_ns

@@ -13,10 +13,14 @@ these is continuous in orientation, angular velocity and angular acceleration.
 from __future__ import annotations
 
 from math import cos, sin, sqrt
+from operator import attrgetter
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, cross, difference, dot, exp, multiply, plus
+
+time_of = attrgetter("time_ns")
+"""The key by which to search knots, samples and targets."""
 
 _SEAM = 0.0625  # rad^2, below which a series replaces a quotient that cancels
 

@@ -21,7 +21,8 @@ from typing import NamedTuple, cast
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, norm, normalize
-from orientd.servo.tracking.forecast import WINDOW, Forecast, Sample
+from orientd.servo.tracking.forecast import WINDOW, Forecast, TimedValue
+from orientd.servo.tracking.quintic import time_of
 from orientd.tolerances import NORM_TOLERANCE
 
 LOOKAHEAD_NS = 10_000_000_000
@@ -173,8 +174,8 @@ class Reference:
         """Forget every target."""
         self._targets: list[Target] = []
         # As the forecasts know them; positions are fewer.
-        self._turns: list[Sample] = []
-        self._places: list[Sample] = []
+        self._turns: list[TimedValue] = []
+        self._places: list[TimedValue] = []
         self._arrivals = Arrivals(self._period_ns)
         self._version = 0
         self._newest_ns: int | None = None
@@ -200,7 +201,7 @@ class Reference:
         target = target._replace(q=normalize(target.q))
         place = len(targets)
         if newest_ns is not None and time_ns <= newest_ns:
-            place = bisect_left(targets, time_ns, key=_time_of)
+            place = bisect_left(targets, time_ns, key=time_of)
             if time_ns > now_ns - 2.0 * self._period_ns:
                 self._make_way(target, place, newest_ns)
             elif not self._has_room(time_ns, place, now_ns):
@@ -213,10 +214,10 @@ class Reference:
         if self._newest_ns is None or time_ns > self._newest_ns:
             self._newest_ns = time_ns
         targets.insert(place, target)
-        self._turns.insert(place, Sample(time_ns, target.q, target.omega_body))
+        self._turns.insert(place, TimedValue(time_ns, target.q, target.omega_body))
         if target.position is not None:
-            place = bisect_left(self._places, time_ns, key=_time_of)
-            self._places.insert(place, Sample(time_ns, target.position))
+            place = bisect_left(self._places, time_ns, key=time_of)
+            self._places.insert(place, TimedValue(time_ns, target.position))
         self._version += 1
         return ""
 
@@ -239,9 +240,7 @@ class Reference:
         first_ns, last_ns = self._targets[begin].time_ns, self._targets[end - 1].time_ns
         places = self._places
         del places[
-            bisect_left(places, first_ns, key=_time_of) : bisect_right(
-                places, last_ns, key=_time_of
-            )
+            bisect_left(places, first_ns, key=time_of) : bisect_right(places, last_ns, key=time_of)
         ]
         del self._targets[begin:end], self._turns[begin:end]
         self._version += 1
@@ -258,14 +257,14 @@ class Reference:
         self.last = None
         if self._is_concluded and targets and now_ns < targets[-1].expires_ns:
             return self._at_rest(targets[-1])
-        due = bisect_right(targets, now_ns, key=_time_of) - 1
+        due = bisect_right(targets, now_ns, key=time_of) - 1
         if due < 0:
             return None
         if now_ns >= targets[due].expires_ns:
             self._drop(0, due + 1)
             self._forget()
             return None
-        past = min(bisect_left(targets, now_ns - REMEMBERED_NS, key=_time_of), due - WINDOW)
+        past = min(bisect_left(targets, now_ns - REMEMBERED_NS, key=time_of), due - WINDOW)
         if past > WINDOW:
             self._drop(0, past)
             due -= past
@@ -330,10 +329,6 @@ class Reference:
         period_ns, last_ns = self._period_ns, self._delay_ns
         least_ns = max(min(SPARE * stale_ns, LONGEST_DELAY_NS), last_ns - RECOVERY * period_ns, 0.0)
         self._delay_ns = min(least_ns, last_ns + GROWTH * period_ns)
-
-
-def _time_of(target: Target | Sample) -> int:
-    return target.time_ns
 
 
 def _problem_of(target: Target, now_ns: int) -> str:

@@ -16,21 +16,19 @@ from orientd.floats import combine, norm, plus
 from orientd.mechanism.mechanism import Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
-from orientd.servo.tracking.chunks import (
-    Chunk,
-    clear_report,
-    read_chunk,
-    write_distance,
-    write_position_distance,
-    write_report,
-)
-from orientd.servo.tracking.guidance import Place
+from orientd.servo.tracking.chunks import Chunk, read_chunk
 from orientd.servo.tracking.joint_tracker import JointTracker
 from orientd.servo.tracking.law import NO_LIMITS, SLACK, Course, Law
-from orientd.servo.tracking.preview import Motion
+from orientd.servo.tracking.preview import Motion, Place
 from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
-from orientd.stream.records import HELD_WORD, LEFT_OUT_WORD, ServoLimits
+from orientd.stream.records import (
+    DEVIATION_WORD,
+    HELD_WORD,
+    LARGEST_DEVIATION_WORD,
+    LEFT_OUT_WORD,
+    ServoLimits,
+)
 from orientd.stream.ring import RecordRing
 
 TARGETS_PER_CYCLE = 8
@@ -136,11 +134,12 @@ class TargetFollower:
             is_of_joints = True
         self._is_of_joints = is_of_joints
         self.limits = servo_limits
+        self._ring.words[DEVIATION_WORD] = self._ring.words[LARGEST_DEVIATION_WORD] = 0
         self.tracker.begin(guard.q, guard.omega, guard.alpha, servo_limits)
         self._linear.limit_position(servo_limits)
         self._next, self._next_chunk = self._ring.head, self._chunks.head
         self._waiting.clear()
-        clear_report(self._chunks)
+        self.tracker.guidance.statistics.write(self._chunks)
         self.is_on = True
 
     def stop_joints(self, servo_limits: ServoLimits) -> None:
@@ -189,13 +188,13 @@ class TargetFollower:
             omega, _ = guard.rates(q, position)
             alpha = combine(omega, 1.0 / guard.period, guard.omega, -1.0 / guard.period)
             point, held = TrackPoint(q, omega, alpha), by_joints.held
-            self.limits = by_joints.limits
+            self.limits, line = by_joints.limits, by_joints.line
+            self._ring.words[DEVIATION_WORD] = round(1e9 * line.deviation)
+            self._ring.words[LARGEST_DEVIATION_WORD] = round(1e9 * line.largest)
         if self._ring.words[HELD_WORD] != held + 1:
             self._ring.words[HELD_WORD] = held + 1
-        guidance = self.tracker.guidance
-        if guidance.preview.is_on:
-            write_distance(self._chunks, guidance.behind, guidance.preview.lag.seconds)
-            self._write_position_distance()
+        self._note_position_gap()
+        self.tracker.guidance.statistics.write(self._chunks)
         return point, position, joints
 
     def _position(self) -> Vector3 | None:
@@ -227,15 +226,17 @@ class TargetFollower:
         velocity = plus(guard.velocity, acceleration, h)
         return plus(guard.position, velocity, h)
 
-    def _write_position_distance(self) -> None:
-        """Write how far the last setpoint is behind the position of the chunks."""
-        place, lag = self.tracker.guidance.place, self.tracker.preview.position_lag
-        behind = 0.0
-        if place is not None:
+    def _note_position_gap(self) -> None:
+        """Note how far the last setpoint is behind the position of the chunks."""
+        guidance = self.tracker.guidance
+        place = guidance.place
+        if not guidance.preview.is_on:
+            return
+        if place is None:
+            guidance.statistics.note_position_gap(ZERO, ZERO)
+        else:
             gap = plus(place.position, self._guard.position, -1.0)
-            behind = norm(gap)
-            lag.note(gap, place.velocity)
-        write_position_distance(self._chunks, behind, lag.seconds)
+            guidance.statistics.note_position_gap(gap, place.velocity)
 
     def _take_targets(self, now_ns: int) -> None:
         """Take the targets that have arrived."""
@@ -296,10 +297,14 @@ class TargetFollower:
         self._take_chunk(now_ns)
 
     def _line_up(self, chunk: Chunk, now_ns: int) -> None:
-        """Have a chunk wait, in place of those that begin no sooner."""
+        """Have a chunk wait, in place of those that begin no sooner, unless all of it is late."""
         waiting, first_ns = self._waiting, chunk.knots[0].time_ns
-        if chunk.knots[-1].time_ns <= now_ns:
-            waiting.insert(0, chunk)  # It has passed, so it replaces none.
+        guidance, sent_ns = self.tracker.guidance, now_ns - self._period_ns
+        end_ns = guidance.preview.end.time_ns if guidance.preview.is_on else None
+        if waiting:
+            end_ns = waiting[-1].knots[-1].time_ns
+        guidance.statistics.note_chunk(chunk.knots, chunk.observed_ns, end_ns, sent_ns)
+        if chunk.knots[-1].time_ns <= sent_ns:
             return
         waiting[:] = [one for one in waiting if one.knots[0].time_ns < first_ns]
         waiting[MOST_WAITING - 1 :] = [chunk]
@@ -311,10 +316,7 @@ class TargetFollower:
         chunk = waiting.pop(0)
         at = guard.position, guard.velocity, guard.acceleration
         sent = Motion(guard.q, guard.omega, guard.alpha, *at)
-        self.tracker.take_chunk(
-            chunk.knots, sent, now_ns - self._period_ns, has_positions=chunk.has_positions
-        )
-        write_report(self._chunks, self.tracker.preview)
+        self.tracker.take_chunk(chunk, sent, now_ns - self._period_ns)
 
 
 def _given(vector: Sequence[float]) -> Vector3 | None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import inf
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
 from orientd.servo.keep_out_cones import KeepOutCones
+from orientd.servo.tracking.chunks import Chunk
 from orientd.servo.tracking.detour import Detour
 from orientd.servo.tracking.guidance import Guidance
 from orientd.servo.tracking.law import NO_LIMITS, SLACK, Calm, Course, Gains, Law
-from orientd.servo.tracking.preview import Motion, Preview, PreviewState
-from orientd.servo.tracking.quintic import Knot
+from orientd.servo.tracking.preview import Motion, PreviewState
 from orientd.servo.tracking.reference import ReferenceState, Target
 from orientd.servo.tracking.stop_filter import RESERVE, StopFilter
 from orientd.stream.records import ServoLimits
@@ -95,27 +94,19 @@ class Tracker:
         """Place of the keep-out cone that holds the target at its edge; -1 for none."""
         return -1 if self._detour is None else self._detour.held
 
-    @property
-    def preview(self) -> Preview:
-        """The chunks."""
-        return self.guidance.preview
-
     def take(self, target: Target, now_ns: int) -> str:
         """Accept a target; return an empty string, or why it was refused."""
         return self.guidance.take(target, now_ns)
 
-    def take_chunk(
-        self, knots: Sequence[Knot], sent: Motion, sent_ns: int, *, has_positions: bool
-    ) -> str:
+    def take_chunk(self, chunk: Chunk, sent: Motion, sent_ns: int) -> str:
         """Take a chunk; return an empty string, or why it was refused.
 
         Args:
-            knots: its curve, times ascending.
+            chunk: its times ascend.
             sent: the last setpoint.
             sent_ns: the time of that.
-            has_positions: whether the chunk says where to be.
         """
-        problem = self.guidance.take_chunk(knots, sent, sent_ns, has_positions=has_positions)
+        problem = self.guidance.take_chunk(chunk, sent, sent_ns)
         if not problem:
             self._forget_need()
         return problem

@@ -11,7 +11,7 @@ from direct_planners import DirectPlanners, plan, run
 from orientd import rotation
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
-from orientd.daemon.device import Device
+from orientd.daemon.device import Device, servo_limits_of
 from orientd.driver import Setpoint
 from orientd.errors import DeviceError, Fault
 from orientd.floats import exp, multiply
@@ -90,6 +90,12 @@ def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None, **fields
 def swing(device, **settings):
     """Start a turn and back, and return what runs."""
     return run(device, swing_motion(device, **settings))
+
+
+def begin_to_track(device, tolerance=math.inf):
+    """Have a device follow targets; its tool may leave a straight line by *tolerance*, m."""
+    with device.expecting() as queued:
+        device.track(queued, servo_limits_of(device.limits, 1.0, tolerance))
 
 
 def is_holding(device):

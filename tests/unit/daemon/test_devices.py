@@ -14,7 +14,7 @@ from fake_device import FakeServo, servo_of, tend
 
 from emulated_dynamixel import ManualClock
 from orientd import config
-from orientd.daemon.device import AT_ONCE, EventKind, MoveOptions
+from orientd.daemon.device import AT_ONCE, EventKind, MoveOptions, servo_limits_of
 from orientd.daemon.devices import Devices
 from orientd.errors import (
     DaemonError,
@@ -479,7 +479,7 @@ def test_the_event_at_the_end_of_targets_says_the_fault(devices, arm, servo, mon
     events, token = [], devices.leases.acquire("ana").token
     monkeypatch.setattr(arm, "_on_event", events.append)
     with arm.expecting() as run:
-        arm.track(run, Limits.partial(), token=token)
+        arm.track(run, servo_limits_of(Limits.partial(), 1.0), token=token)
     servo.fall(Fault.LINK_LOST, "no answer on the line")
     assert ended(arm, run) == (pb.OUTCOME_FAULT, "no answer on the line")
     stopped = [one.text for one in events if one.kind is EventKind.MOTION_STOPPED]

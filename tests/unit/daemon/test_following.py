@@ -13,6 +13,7 @@ from orientd.daemon.device import EventKind
 from orientd.daemon.device.target_writer import TargetWriter
 from orientd.errors import RequestError
 from orientd.protocol import control_pb2 as pb
+from orientd.servo.tracking.chunks import Smoothed
 from orientd.stream.memory import SharedMemory
 
 TARGET = pb.TrackTarget(orientation=pb.Quaternion(w=1.0))
@@ -34,8 +35,9 @@ class Device:
         if self.unreachable:
             raise RequestError("target", self.unreachable)
 
-    def _play(self, samples):
-        return (1, self.unreachable) if self.unreachable else (0, "")
+    def _play(self, samples, observed_ns):
+        curve = Smoothed([])
+        return (1, self.unreachable, curve) if self.unreachable else (0, "", curve)
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 from fake_device import FakeServo, servo_of
 
 from orientd import config
-from orientd.daemon.device import Device, EventKind
+from orientd.daemon.device import Device, EventKind, servo_limits_of
 from orientd.planner import Limits
 from orientd.protocol import control_pb2 as pb
 
@@ -35,7 +35,7 @@ def device(events, monkeypatch):
 
 def test_a_reset_before_the_end_of_the_servo_is_noticed_ends_what_it_did(device, events):
     with device.expecting() as run:
-        device.track(run, Limits.partial())
+        device.track(run, servo_limits_of(Limits.partial(), 1.0))
     servo_of(device).is_alive = False
     device.reset()
     assert run.ended.result(0) == (pb.OUTCOME_FAULT, "the servo process was ended with status 0")

@@ -2,9 +2,12 @@
 
 import os
 import random
+import re
+import tomllib
 from dataclasses import replace
 from itertools import pairwise
 from math import dist, pi, tau
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +17,13 @@ from rig import PERIOD, turn
 from orientd.floats import difference, exp, multiply, norm, rotate
 from orientd.keep_out import KeepOut
 from orientd.mechanism.mechanism import refusal
-from orientd.stream.records import Answer, Command, ServoState
+from orientd.stream.records import (
+    DEVIATION_WORD,
+    LARGEST_DEVIATION_WORD,
+    Answer,
+    Command,
+    ServoState,
+)
 from orientd.tolerances import GUARD_TOLERANCE
 from orientd_ur.arm import MODELS
 
@@ -350,3 +359,95 @@ def test_an_arm_whose_elbow_is_straight_follows_targets():
     place = tuple(0.8 * x for x in rig.position)
     rig.follow(lambda _: rig.q, seconds=4.0, position=lambda _: place)
     assert dist(rig.setpoints[-1].position, place) < 1e-4
+
+
+def off_line(rig, places, goal):
+    """Return the largest distance of *places* from the line from the start of *rig*, m."""
+    along = np.subtract(goal, rig.position)
+    square = max(along @ along, 1e-30)
+    way = np.subtract(places, rig.position)
+    share = np.clip(way @ along / square, 0.0, 1.0)
+    return np.linalg.norm(way - share[:, None] * along, axis=1).max()
+
+
+@pytest.mark.parametrize(("turned", "moved"), [(1.2, 0.0), (0.5, 0.0), (0.6, 0.15)])
+def test_how_far_the_tool_leaves_its_straight_line_is_told(turned, moved):
+    rig = ArmRig("ur5e", HOME, hardest=20.0)
+    q = turning(rig.q, (0.0, 1.0, 0.0), 9.0, turned)(1.0)
+    goal = tuple(np.add(rig.position, (0.0, 0.0, moved)).tolist())
+    rig.follow(lambda _: q, seconds=3.0, position=lambda _: goal)
+    assert dist(rig.setpoints[-1].position, goal) < 1e-4
+    words = rig.memory.targets.words
+    far = off_line(rig, [s.position for s in rig.setpoints], goal)
+    assert words[LARGEST_DEVIATION_WORD] * 1e-9 == pytest.approx(far, rel=0.02)
+    assert far > 1e-3
+    assert words[DEVIATION_WORD] == 0
+    assert rig.ask(Command.TRACK, servo_limits=rig.limits)[0] is Answer.DONE
+    assert words[LARGEST_DEVIATION_WORD] == 0
+
+
+def test_a_target_that_moves_within_the_limits_has_no_line_to_leave():
+    rig = ArmRig("ur5e", HOME)
+    rig.follow(turning(rig.q, (0.0, 0.0, 1.0), 0.3, 0.9), seconds=2.0)
+    assert rig.memory.targets.words[LARGEST_DEVIATION_WORD] < 1e5
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 4e-3])
+def test_an_arm_stops_instead_of_leaving_its_straight_line_farther_than_it_may(tolerance):
+    rig = ArmRig("ur5e", HOME, hardest=20.0, path_tolerance=tolerance)
+    q = turning(rig.q, (0.0, 1.0, 0.0), 9.0, 1.2)(1.0)
+    rig.follow(lambda _: q, seconds=3.0, position=lambda _: rig.position)
+    far = off_line(rig, [s.position for s in rig.setpoints], rig.position)
+    assert 0.8 * tolerance < far < 1.01 * tolerance
+    assert norm(difference(rig.setpoints[-1].q, q)) > 0.1
+    assert norm(rig.servo.setpoints.last.omega_body) < 1e-3
+    assert rig.servo.state is ServoState.TRACKING
+    text = f"the path_tolerance is {1e3 * tolerance:g} mm"
+    assert any("leave the straight line by" in one and text in one for one in rig.hindrances)
+    # From there another target has a line of its own.
+    back, place = rig.q, rig.position
+    rig.follow(lambda _: back, seconds=3.0, position=lambda _: place)
+    assert norm(difference(rig.setpoints[-1].q, back)) < 1e-3
+    rig.check()
+
+
+def test_a_tolerance_that_suffices_changes_nothing():
+    paths = []
+    for tolerance in (float("inf"), 0.05):
+        rig = ArmRig("ur5e", HOME, hardest=20.0, path_tolerance=tolerance)
+        q = turning(rig.q, (0.0, 1.0, 0.0), 9.0, 1.2)(1.0)
+        rig.follow(lambda _, q=q: q, seconds=2.0, position=lambda _, rig=rig: rig.position)
+        paths.append([(s.q, s.position) for s in rig.setpoints])
+    assert paths[0] == paths[1]
+
+
+def configurations():
+    """Yield the limits of the arms that the sources and the documentation configure."""
+    root = Path(__file__).parents[3]
+    for path in [root / "config/ur.toml", *sorted((root / "docs").rglob("*.md"))]:
+        text = path.read_text()
+        blocks = (
+            [text]
+            if path.suffix == ".toml"
+            else re.findall(r"```.*?toml.*?\n(.*?)```", text, re.DOTALL)
+        )
+        for block in blocks:
+            if 'driver = "ur"' in block and ".limits]" in block:
+                lines = block[block.index("[devices") :]
+                yield pytest.param(tomllib.loads(lines)["devices"]["arm"]["limits"], id=path.name)
+
+
+@pytest.mark.parametrize("limits", list(configurations()))
+def test_the_joints_keep_the_linear_limits_of_the_configurations(limits):
+    way, speed, acceleration = 0.2, limits["linear_velocity"], limits["linear_acceleration"]
+    for axis in range(3):
+        rig = ArmRig("ur5e", HOME, **limits)
+        goal = list(rig.position)
+        goal[axis] += way
+        rig.follow(lambda _, rig=rig: rig.q, seconds=1.5, position=lambda _, goal=goal: goal)
+        away = [dist(one.position, goal) for one in rig.setpoints]
+        came = next(k for k, gap in enumerate(away) if gap < 1e-3) * PERIOD
+        # As quick as the linear limits alone would be.
+        assert came < 1.03 * (way / speed + speed / acceleration)
+        assert not rig.hindrances
+        rig.check()

@@ -10,7 +10,8 @@ from setpoint_checker import reached
 
 from orientd.driver import ZERO
 from orientd.floats import difference, exp, norm
-from orientd.servo.tracking.chunks import publish_chunk, read_report
+from orientd.servo.tracking.chunk_report import read_report
+from orientd.servo.tracking.chunks import publish_chunk
 from orientd.stream.records import (
     CHUNK_POSES,
     KNOT_FLOATS,
@@ -36,10 +37,10 @@ def swing(t):
     return exp((0.3 * sin(2.0 * t), 0.0, 0.0)), (0.1 * sin(3.0 * t), 0.05 * sin(2.0 * t), 0.0)
 
 
-def chunk(rig, begin_ns, count=20, hz=30, motion=swing):
+def chunk(rig, begin_ns, count=20, hz=30, motion=swing, observed_ns=0):
     stamps = [begin_ns + round(k / hz * NS) for k in range(count)]
     samples = [Sample(stamp, q, None, p) for stamp in stamps for q, p in [motion(stamp / NS - 1.0)]]
-    publish_chunk(rig.memory.chunks, samples, LIMITS)
+    publish_chunk(rig.memory.chunks, samples, LIMITS, observed_ns)
 
 
 def test_orientation_and_position_are_where_the_poses_are():
@@ -80,7 +81,7 @@ def test_the_acceleration_of_the_position_is_continuous():
 def test_it_reports_what_became_of_the_chunks():
     rig = playing()
     ring = rig.memory.chunks
-    assert read_report(ring).least_left is None
+    assert read_report(ring).longest_inference is None
     chunk(rig, rig.clock.now_ns() - NS // 6 - 1)
     rig.run(50)
     report = read_report(ring)
@@ -90,14 +91,13 @@ def test_it_reports_what_became_of_the_chunks():
     )
     rig.run(1)
     report = read_report(ring)
-    assert report.seam == pytest.approx(0.05, abs=0.01)
-    assert report.least_left == pytest.approx(19 / 30 - 1 / 6 - 0.1, abs=0.01)
+    assert report.largest_seam == pytest.approx(0.05, abs=0.01)
+    assert 0.04 < report.largest_position_seam < 0.08
+    assert report.longest_inference == pytest.approx(19 / 30 - 1 / 6 - 0.1, abs=0.01)
     rig.run(1000)
     chunk(rig, rig.clock.now_ns())
     rig.run()
-    report = read_report(ring)
-    assert report.starved == 1
-    assert report.least_left < -1.0
+    assert read_report(ring).starved == 1
     rig.ask(Command.STOP)
     rig.run_until(lambda servo: not servo.is_moving)
     assert rig.ask(Command.TRACK, servo_limits=LIMITS)[0] is Answer.DONE
@@ -118,7 +118,7 @@ def test_what_the_limits_cut_off_is_told():
     rig = playing()
     chunk(rig, rig.clock.now_ns(), motion=lambda t: (exp((0.0, 0.0, 1.0 * sin(2 * pi * t))), ZERO))
     rig.run(300)
-    assert read_report(rig.memory.chunks).farthest > 0.1
+    assert read_report(rig.memory.chunks).largest_behind > 0.1
 
 
 def test_poses_faster_than_the_limits_leave_a_lag():
@@ -144,7 +144,7 @@ def test_positions_faster_than_the_limits_are_behind_by_a_distance_and_a_delay()
     report, last = read_report(rig.memory.chunks), rig.driver.setpoints[-1]
     missing = speed * (last.time_ns / NS - 1.0 - begin) - last.position[2]
     assert report.position_behind == pytest.approx(missing, abs=3.0 * PERIOD * speed)
-    assert report.position_farthest >= report.position_behind > 0.05
+    assert report.largest_position_behind >= report.position_behind > 0.05
     assert 0.05 < report.position_lag < report.position_behind / speed
     assert report.lag == 0.0
 
@@ -176,6 +176,114 @@ def test_a_late_chunk_starves_no_device_that_has_poses_left():
     chunk(rig, rig.clock.now_ns() - NS)
     rig.run(10)
     assert read_report(rig.memory.chunks).starved == 0
+
+
+def test_poses_that_ran_out_are_counted():
+    rig = playing()
+    for _ in range(3):
+        chunk(rig, rig.clock.now_ns(), count=8)
+        rig.run(250)
+    assert read_report(rig.memory.chunks).starved == 2
+
+
+def test_a_chunk_that_comes_in_time_for_a_pause_of_the_poses_has_starved_nothing():
+    rig = playing()
+    begin_ns = rig.clock.now_ns()
+    chunk(rig, begin_ns, count=10)
+    rig.run(5)
+    chunk(rig, begin_ns + 3 * NS, count=10, observed_ns=begin_ns)
+    rig.run(1400)
+    report = read_report(rig.memory.chunks)
+    assert (report.starved, report.stale, report.live) == (0, 1, 10)
+    assert report.longest_inference == pytest.approx(0.3, abs=1e-6)
+
+
+def test_the_longest_inference_is_that_of_the_chunk_with_the_least_time():
+    rig = playing()
+    begin_ns = rig.clock.now_ns()
+    chunk(rig, begin_ns, count=31)
+    for after, observed in ((0.5, 0.0), (0.8, 0.75)):
+        rig.run(round((begin_ns + after * NS - rig.clock.now_ns()) / NS / PERIOD))
+        chunk(rig, rig.clock.now_ns(), count=7, observed_ns=begin_ns + round(observed * NS))
+    rig.run(2)
+    # The second one ends 0.7 s and the third 1 s after the beginning.
+    report = read_report(rig.memory.chunks)
+    assert report.starved == 1
+    assert report.longest_inference == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_latency_is_from_the_observation_to_the_first_setpoint_of_a_chunk():
+    rig = playing()
+    assert read_report(rig.memory.chunks).latency_p50 is None
+    chunk(rig, rig.clock.now_ns())
+    rig.run(5)
+    assert read_report(rig.memory.chunks).latency_p95 is None
+    for k in range(20):
+        before_ns = round((0.3 if k == 7 else 0.1 + 0.001 * k) * NS)
+        chunk(rig, rig.clock.now_ns() - before_ns, observed_ns=rig.clock.now_ns() - before_ns)
+        rig.run(50)
+    report = read_report(rig.memory.chunks)
+    assert report.latency_p50 == pytest.approx(0.110, abs=2.0 * PERIOD)
+    assert report.latency_p95 == pytest.approx(0.119, abs=2.0 * PERIOD)
+    ahead_ns = rig.clock.now_ns() + NS // 5
+    for _ in range(300):
+        chunk(rig, rig.clock.now_ns() + NS // 5, observed_ns=ahead_ns - NS // 2)
+        rig.run(101)
+        ahead_ns = rig.clock.now_ns() + NS // 5
+    # A chunk for later counts from its first pose on, and older ones no longer.
+    assert read_report(rig.memory.chunks).latency_p50 == pytest.approx(0.5, abs=2.0 * PERIOD)
+
+
+def test_a_lag_ends_with_the_motion_of_the_poses_and_counts_stay():
+    rig, speed = playing(), 1.2 * LIMITS.velocity
+    begin = rig.clock.now_ns() / NS - 1.0
+    chunk(rig, rig.clock.now_ns(), motion=lambda t: (exp((0.0, 0.0, speed * (t - begin))), ZERO))
+    rig.run(round(19 / 30 / PERIOD))
+    late = read_report(rig.memory.chunks)
+    rig.run(10)
+    turned = norm(difference(rig.driver.setpoints[-1].q, exp((0.0, 0.0, speed * 19 / 30))))
+    assert read_report(rig.memory.chunks).behind == pytest.approx(turned, abs=0.02)
+    rig.run(1000)
+    report = read_report(rig.memory.chunks)
+    assert late.lag > 0.05
+    assert (report.lag, report.position_lag, report.largest_behind) == (
+        0.0,
+        0.0,
+        late.largest_behind,
+    )
+    assert report.behind < 1e-6
+
+
+def test_a_target_ends_the_figures_of_the_poses_and_not_their_counts():
+    rig = playing()
+    chunk(rig, rig.clock.now_ns() - NS // 10, motion=lambda t: (exp((0.0, 0.0, 40.0 * t)), ZERO))
+    rig.run(50)
+    before = read_report(rig.memory.chunks)
+    now_ns = rig.clock.now_ns()
+    rig.memory.targets.publish(now_ns, now_ns + NS, 1.0, 0.0, 0.0, 0.0, *ZERO, *(nan, nan, nan))
+    rig.run(5)
+    report = read_report(rig.memory.chunks)
+    assert before.behind > 0.0 == report.behind == report.lag
+    assert (report.stale, report.live) == (before.stale, before.live) == (4, 16)
+    assert report.largest_behind >= before.behind
+
+
+def test_a_chunk_of_256_poses_is_played_to_its_end():
+    rig = playing()
+    begin_ns = rig.clock.now_ns() + NS // 100
+    assert CHUNK_POSES == 256
+    chunk(rig, begin_ns, count=256, hz=100)
+    rig.run(250)
+    apart = 0.0
+    for _ in range(1000):
+        rig.run()
+        last = rig.driver.setpoints[-1]
+        apart = max(apart, norm(difference(swing(last.time_ns / NS - 1.0)[0], last.q)))
+    assert apart < 1e-4
+    rig.run(500)
+    q, position = swing((begin_ns + round(255 / 100 * NS)) / NS - 1.0)
+    assert norm(difference(rig.driver.setpoints[-1].q, q)) < 1e-6
+    assert np.linalg.norm(np.subtract(position, rig.driver.setpoints[-1].position)) < 1e-6
 
 
 def test_a_chunk_far_ahead_waits_for_its_time():
@@ -243,7 +351,9 @@ def test_no_chunk_however_wild_breaks_a_limit():
             numbers[rng.randrange(len(numbers))] = rng.choice(floats)
         if rng.random() < 0.5:
             times.sort()
-        rig.memory.chunks.publish(count, rng.random() < 0.5, *times, *numbers)
+        rig.memory.chunks.publish(
+            rng.choice([0, now, -(2**63)]), count, rng.random() < 0.5, *times, *numbers
+        )
         rig.run(rng.choice([1, 5, 40]))
         if rig.cycle.state is ServoState.FAULT:
             break

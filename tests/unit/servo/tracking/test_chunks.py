@@ -103,15 +103,12 @@ def test_a_twin_of_a_rotation_vector_costs_no_turn():
     assert way * 180 / pi < (46.66 + 15.64) * 1.1
 
 
-def test_poses_that_have_passed_are_left_out_and_counted():
+def test_a_chunk_of_which_all_poses_have_passed_is_refused():
     world = ChunkWorld(LIMITS)
     world.run(1.0)
     poses = world.poses(world.now_ns - NS // 5, 16, 30, lambda t: about(0.2 * t))
     assert world.chunk(poses) == ""
-    preview = world.tracker.preview
-    assert (preview.live, preview.stale) == (9, 7)
     assert "has passed" in world.chunk(poses[:4])
-    assert preview.stale == 11
 
 
 def test_a_chunk_that_has_passed_altogether_changes_nothing():
@@ -179,7 +176,7 @@ def test_chunks_that_are_anchored_anew_cost_no_more_than_a_part_of_the_limits():
         for point in world.run(0.27):
             peak = max(peak, norm(point.alpha_body))
     assert peak < 0.98 * LIMITS.acceleration
-    assert 0.02 < world.tracker.preview.seam < 0.1
+    assert 0.02 < world.report.largest_seam < 0.1
 
 
 def test_a_lone_outlier_moves_the_device_no_farther_than_the_limits_allow():
@@ -233,15 +230,6 @@ def test_a_target_after_chunks_and_chunks_after_a_target_replace_each_other():
     world.chunk(world.poses(world.now_ns, 10, 30, lambda t: about(0.1 + 0.2 * (t - 1.4))))
     world.run(1.5)
     assert angle(world.guard.q, about(0.1 + 0.2 * 0.3)) < 1e-4
-
-
-def test_poses_that_ran_out_are_counted():
-    world = ChunkWorld(LIMITS)
-    for _ in range(3):
-        world.chunk(world.poses(world.now_ns, 8, 30, lambda t: about(0.3 * t)))
-        world.run(0.5)
-    assert world.tracker.preview.starved == 2
-    assert world.tracker.preview.least_left_ns < 0
 
 
 @pytest.mark.parametrize("seed", range(CASES))
@@ -319,6 +307,6 @@ def test_a_chunk_that_begins_after_the_end_is_compared_with_the_last_pose():
     world.chunk(world.poses(world.now_ns, 8, 30, lambda t: about(0.2 * t)))
     world.run(0.1)
     world.chunk(world.poses(world.now_ns + NS * 3 // 10, 8, 30, lambda t: about(0.05)))
-    assert world.tracker.preview.seam == pytest.approx(0.05 - 0.2 * 7 / 30, abs=1e-6)
+    assert world.report.largest_seam == pytest.approx(0.05 - 0.2 * 7 / 30, abs=1e-6)
     world.run(1.0)
     assert angle(world.guard.q, about(0.05)) < 1e-5

@@ -10,7 +10,7 @@ from tracking_world import NS, World, angle, servo_limits
 from orientd import kernels
 from orientd.driver import ZERO
 from orientd.floats import difference, exp, multiply, norm, plus
-from orientd.servo.tracking.forecast import WINDOW, Forecast, Sample
+from orientd.servo.tracking.forecast import WINDOW, Forecast, TimedValue
 
 PERIOD, PERIOD_NS = 0.002, 2_000_000
 AXIS = (0.36, -0.48, 0.8)
@@ -30,7 +30,7 @@ def forecasts(motion, hz, seconds, *, is_turn, rate=None, late=0.0, noise=0.0, s
             t = round(sent / hz * NS) / NS
             value, shift = motion(t), tuple(rng.gauss(0.0, noise) for _ in range(3))
             value = multiply(value, exp(shift)) if is_turn else plus(value, shift, 1.0)
-            samples.append(Sample(round(t * NS), value, rate and rate(t)))
+            samples.append(TimedValue(round(t * NS), value, rate and rate(t)))
             sent += 1
         if samples:
             yield now_ns / NS, forecast.at(samples, sent, now_ns)
@@ -109,7 +109,7 @@ def test_if_samples_become_older_than_ever_the_velocity_stays():
     samples, forecast = [], Forecast(PERIOD, is_turn=False)
     for k in range(60):
         t = k / 30
-        samples.append(Sample(round(t * NS), (0.1 * sin(6.0 * t), 0.0, 0.0)))
+        samples.append(TimedValue(round(t * NS), (0.1 * sin(6.0 * t), 0.0, 0.0)))
         forecast.at(samples, k, samples[-1].time_ns + PERIOD_NS)
     found = [forecast.at(samples, 59, samples[-1].time_ns + n * PERIOD_NS) for n in range(2, 150)]
     assert all(one.change == ZERO for one in found[60:])
@@ -129,10 +129,10 @@ def test_a_sample_that_no_motion_explains_begins_another_one_at_rest():
 def test_a_late_sample_of_another_kind_does_not_count():
     forecast, samples, rate = Forecast(PERIOD, is_turn=True), [], plus(ZERO, AXIS, 0.5)
     for k in range(20):
-        samples.append(Sample(round(k / 30 * NS), about(0.5 * k / 30), rate))
+        samples.append(TimedValue(round(k / 30 * NS), about(0.5 * k / 30), rate))
         forecast.at(samples, k, samples[-1].time_ns + PERIOD_NS)
-    samples.insert(-2, Sample(samples[-2].time_ns - NS // 60, about(0.0), None))
-    samples.append(Sample(samples[-1].time_ns + NS // 30, about(0.5 * 20 / 30), rate))
+    samples.insert(-2, TimedValue(samples[-2].time_ns - NS // 60, about(0.0), None))
+    samples.append(TimedValue(samples[-1].time_ns + NS // 30, about(0.5 * 20 / 30), rate))
     found = forecast.at(samples, 20, samples[-1].time_ns + PERIOD_NS)
     assert found.rate == pytest.approx(rate, abs=1e-6)
 
@@ -147,7 +147,7 @@ def test_the_work_of_a_cycle_is_bounded(monkeypatch):
     monkeypatch.setattr(kernels, "fit_samples", fit_samples)
     forecast, samples = Forecast(PERIOD, is_turn=False), []
     for k in range(1, 400):
-        samples.append(Sample(k * PERIOD_NS, (1e-4 * k, 0.0, 0.0)))
+        samples.append(TimedValue(k * PERIOD_NS, (1e-4 * k, 0.0, 0.0)))
         forecast.at(samples, k, k * PERIOD_NS)
     assert 100 < len(counted) < 200
     assert max(counted) == WINDOW

@@ -13,6 +13,8 @@ from orientd import rotation
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply, normalize, rotate, rotate_back
 from orientd.keep_out import KeepOut
+from orientd.servo.keep_out_cones import KeepOutCones
+from orientd.servo.tracking.detour import Detour
 
 LIMITS = [
     servo_limits(2.5, 17.0, 8500.0),
@@ -246,3 +248,24 @@ def test_far_from_cones_nothing_changes():
     with_cone, without = world_with(far), ChunkWorld(LIMITS[0], 500)
     q = follow(with_cone, pointing_at(40.0, 10.0), 2.0)
     assert q == follow(without, pointing_at(40.0, 10.0), 2.0)
+
+
+def test_each_axis_of_the_tool_keeps_to_its_own_side_of_its_cones():
+    def detour():
+        cones = [
+            KeepOut("of x", (cos(0.7), sin(0.7), 0.0), 0.2),
+            KeepOut("of z", (0.0, -sin(0.7), cos(0.7)), 0.2, axis=(0.0, 0.0, 1.0)),
+        ]
+        return Detour(KeepOutCones(cones, 0.02, lambda: 0), 0.02)
+
+    def turn(detour, about, aside):
+        target = multiply(exp(tuple(1.4 * x for x in about)), exp((0.0, aside, 0.0)))
+        return detour.turn((1.0, 0.0, 0.0, 0.0), target, 1e-3)
+
+    x, z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    both = detour()
+    first = turn(both, z, 0.02)
+    # The axis z passes its cone on its own shorter side, whichever side the axis x is on.
+    assert turn(both, x, 0.05) == turn(detour(), x, 0.05)
+    again = turn(both, z, -0.02)
+    assert first[1] * again[1] > 0.0 > first[1] * turn(detour(), z, -0.02)[1]

@@ -2,7 +2,7 @@
 
 import random
 from dataclasses import replace
-from math import pi, sin
+from math import cos, pi, sin
 
 import numpy as np
 import pytest
@@ -72,12 +72,30 @@ def test_noise_that_would_break_the_limits_is_smoothed(hz, noise):
 def test_poses_that_are_no_noise_are_not_smoothed():
     stamps = [NS + k * NS // 30 for k in range(30)]
     jump = [Sample(stamp, swing(0.0) if k < 15 else swing(0.5)) for k, stamp in enumerate(stamps)]
-    assert smoothed(jump, LIMITS) == knots_of(jump)
+    assert smoothed(jump, LIMITS) == (knots_of(jump), 0.0, 0.0)
 
 
 def test_poses_within_the_limits_stay_as_they_are():
     calm = [Sample(NS + k * NS // 30, swing(k / 30)) for k in range(30)]
-    assert smoothed(calm, LIMITS) == knots_of(calm)
+    assert smoothed(calm, LIMITS) == (knots_of(calm), 0.0, 0.0)
+
+
+def test_a_smoothed_curve_has_the_given_velocities_at_the_poses_that_it_passes():
+    rng, samples = random.Random(1), []
+    for k in range(100):
+        noise = exp(tuple(rng.gauss(0.0, 1e-2) for _ in range(3)))
+        omega = (0.3 * pi * cos(0.3 * pi * k / 50) * x for x in (0.36, -0.48, 0.8))
+        q = multiply(swing(0.3 * k / 50), noise)
+        samples.append(Sample(NS + k * NS // 50, q, tuple(omega)))
+    knots, turn, _ = smoothed(samples, servo_limits(2.5, 17.0, 8500.0))
+    assert 5e-3 < turn < 0.25
+    passed = [
+        norm(plus(one.omega, sample.omega, -1.0))
+        for one, sample in zip(knots, samples, strict=True)
+        if angle(one.q, sample.q) < 1e-12
+    ]
+    assert len(passed) > 2
+    assert max(passed) == 0.0
 
 
 def test_a_position_is_smoothed_with_its_pose():
@@ -88,10 +106,13 @@ def test_a_position_is_smoothed_with_its_pose():
         Sample(NS + k * NS // 50, swing(0.0), None, plus(at, (rng.gauss(0.0, 1e-3), 0.0, 0.0), 1.0))
         for k, at in enumerate(wanted)
     ]
-    knots = smoothed(samples, limits)
+    knots, turn, shift = smoothed(samples, limits)
     assert max(norm(one.acceleration) for one in knots_of(samples)) > 5.0
     assert max(norm(one.acceleration) for one in knots) < 3.1
     assert (
         max(norm(plus(one.position, at, -1.0)) for one, at in zip(knots, wanted, strict=True))
         < 5e-3
     )
+    apart = zip(knots, samples, strict=True)
+    assert shift == max(norm(plus(one.position, at.position, -1.0)) for one, at in apart)
+    assert (turn, 1e-3 < shift < 5e-3) == (0.0, True)
