@@ -12,6 +12,7 @@
 #include <stdlib.h>
 
 #include "connectors.h"
+#include "double_s.h"
 #include "trajectory.h"
 
 #define STILL 1e-12        /* rad/s and rad, that count as none */
@@ -176,26 +177,6 @@ bool add_stop(const motion_t *state, matrix_t limits, double period, double long
     if (period > 0.0)
         to->time[to->count - 1] = goal;
     return is_done;
-}
-
-/* Rising and constant acceleration, and constant velocity, of the quickest turn from rest to rest
- * (the double S; Biagiotti and Melchiorri 2008, section 3.4). */
-static void double_s(double way, double velocity, double acceleration, double jerk, double t[3]) {
-    double rise = acceleration / jerk, hold, peak, cruise = 0.0;
-    if (way < 2.0 * acceleration * rise * rise)
-        rise = cbrt(0.5 * way / jerk), hold = 0.0, peak = jerk * rise * rise;
-    else {
-        hold = fmax(0.5 * (sqrt(rise * rise + 4.0 * way / acceleration) - 3.0 * rise), 0.0);
-        peak = acceleration * (rise + hold);
-    }
-    if (peak > velocity) {
-        if (velocity < jerk * rise * rise)
-            rise = sqrt(velocity / jerk), hold = 0.0;
-        else
-            hold = fmax(velocity / acceleration - rise, 0.0);
-        cruise = fmax(way / velocity - (2.0 * rise + hold), 0.0);
-    }
-    t[0] = rise, t[1] = hold, t[2] = cruise;
 }
 
 /* Add the turn from rest to rest, and a time more, s. */

@@ -34,6 +34,7 @@ def make_calls():
     follow_arms()
     follow_vector()
     foretell()
+    kernels.first_change(0.5, 0.01)
     start = State.at_rest(keyframes(2)[0])
     rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
