@@ -5,8 +5,8 @@ keyword arguments and makes a :class:`Curve`.  Importing this package imports ne
 family: each family is imported on first use.
 
 Other packages import from ``axis_turn``, ``basis``, ``comparison``, ``contract``, ``fitting``,
-``hermite``, ``interpolating``, ``keyframes``, ``products``, ``roles``, ``trajectory`` and
-``warped``.
+``hermite``, ``interpolating``, ``keyframes``, ``products``, ``quintic``, ``roles`` and
+``trajectory``.
 """
 
 from orientd.lazy import lazily

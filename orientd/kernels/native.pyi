@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Vector = tuple[float, float, float]
 Rows = Floats | memoryview[float] | array[float]
 
 LEVEL: str
@@ -35,16 +36,19 @@ def linearise_effort(
 ) -> float: ...
 def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
 
-# trajectory.h
+# trajectory.h, quintic.h
 def fit_trajectory(orientations: Floats, pieces: Floats, quality: Floats, /) -> None: ...
 def product_trajectory(
     breaks: Floats, base: Floats, first: Indices, increments: Floats, values: Floats,
     given: Floats, cuts: int, ends: Floats, pieces: Floats, /,
 ) -> int: ...  # fmt: skip
+def put_quintics(intervals: Rows, ends: Rows, coefficients: Rows, /) -> None: ...
+def quintic_at(coefficients: Rows, u: float, /) -> tuple[Vector, Vector, Vector, Vector]: ...
 def retime_trajectory(
     breaks: Floats, pieces: Floats, times: Floats, places: Floats, values: Floats, slopes: Floats,
     leaves: Floats, ends: Floats, out: Floats, /,
 ) -> int: ...  # fmt: skip
+def sample_moves(times: Floats, breaks: Floats, moves: Floats, out: Floats, /) -> None: ...
 def sample_trajectory(
     times: Floats, breaks: Floats, pieces: Floats, slack: float, out: Floats, /
 ) -> int: ...
@@ -103,6 +107,15 @@ def time_quickest(
     axis_limits: Floats,
     /,
 ) -> tuple[bytes, bytes] | bool: ...
+
+# double_s.h
+def double_s(
+    way: float, velocity: float, acceleration: float, jerk: float, /
+) -> tuple[float, float, float]: ...
+def first_change(total: float, step: float, /) -> float: ...
+def stop_along(
+    speed: float, rate: float, acceleration: float, jerk: float, /
+) -> tuple[float, float]: ...
 
 # arms.h; rows as NumPy's arrays or as memory views, which the servo has
 def follow_arm(arm: Rows, tool: Rows, poses: Rows, near: Rows, joints: Rows, /) -> int: ...

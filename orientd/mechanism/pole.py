@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.quintic import smooth_step
 from orientd.driver import AxisLimits
 from orientd.mechanism.arrays import joints_at, of_arrays, outer_line
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import Bounds, rates
-from orientd.mechanism.timing import quintic, smooth
+from orientd.mechanism.timing import smooth
 from orientd.rotation import Floats
 
 _BRANCHES = (0, 1, -1, 2, -2)
@@ -166,7 +167,7 @@ def _attempt(
     hurry = float(np.max(np.abs(np.diff(exact)))) / period
     width = min(math.ceil(hurry / (limit.acceleration * period)), room // 2)
     share = np.minimum(1.0, np.arange(len(line)) / max(1, room // 2))
-    share = quintic(np.minimum(share, share[::-1]))
+    share = smooth_step(np.minimum(share, share[::-1]))
     outer = exact + share * (smooth(exact, width) - exact)
     joints = joints_at(gimbal, matrix, outer)
     joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)

@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orientd.curves.quintic import smooth_step
 from orientd.driver import AxisLimits
 from orientd.errors import PlanError
 from orientd.kernels import solve_banded
 from orientd.mechanism.arrays import orientations
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import Bounds, ToolLimits, axis_peaks, excess_of
-from orientd.mechanism.timing import calmed, quintic, ramp_times, run_through
+from orientd.mechanism.timing import calmed, ramp_times, run_through
 from orientd.rotation import Floats, angle, conjugate, log, multiply
 
 _RAMP = 0.5
@@ -298,7 +299,7 @@ def _clock(length: float, ramp: float, period: float, is_left: bool, is_right: b
         # Too short for full speed: once from rest to rest, no faster than the path itself.
         need = max(_FASTEST * length, math.sqrt(_HARDEST / _FASTEST * length * ramp))
         count = max(1, math.ceil(need / period))
-        return length * quintic(np.arange(count + 1) / count)
+        return length * smooth_step(np.arange(count + 1) / count)
     total = length + ramp / 2 * ends
     elapsed = np.minimum(np.arange(math.ceil(total / period) + 1) * period, total)
     forward = np.minimum(length, ramp_times(elapsed, ramp))
@@ -343,7 +344,7 @@ def _crawl(gimbal: Gimbal, part: Floats, bounds: Bounds) -> tuple[Floats, Floats
     lasts = float(np.sum(slow[1:] + slow[:-1])) / 2.0
     count = max(2, math.ceil(_FASTEST * lasts))
     for _ in range(_ATTEMPTS):
-        at = run_through(slow, lasts * quintic(np.arange(count + 1) / count)) / _FINER
+        at = run_through(slow, lasts * smooth_step(np.arange(count + 1) / count)) / _FINER
         joints = _between(part, at)
         if _excess(gimbal, joints, bounds) <= 1.0:
             break

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from orientd.curves.quintic import smooth_ramp, smooth_step
 from orientd.driver import AxisLimits
 from orientd.rotation import Floats
 
@@ -20,18 +21,9 @@ _KINK = 0.02
 _LEAST_ROUNDING = 2
 
 
-def quintic(u: Floats) -> Floats:
-    """Return the quintic from 0 to 1 with zero velocity and acceleration at both ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
-
-
 def ramp_times(elapsed: Floats, ramp: float) -> Floats:
     """Return the path times of a path whose speed rises from 0 to 1 as a quintic over *ramp* s."""
-    u = np.clip(elapsed / ramp, 0.0, 1.0)
-    # The integral of quintic(u).
-    passed: Floats = ramp * u**4 * (2.5 + u * (u - 3.0)) + np.maximum(0.0, elapsed - ramp)
-    return passed
+    return ramp * smooth_ramp(elapsed / ramp)
 
 
 def run_through(slow: Floats, times: Floats) -> Floats:
@@ -118,7 +110,7 @@ def rounded(joints: Floats, axes: Sequence[AxisLimits], period: float) -> Floats
             part = line[a:b]
             calm = smooth(smooth(part, first), second)
             fade = np.minimum(np.arange(b - a), np.arange(b - a)[::-1]) / max(1, first + second)
-            found[a:b, place] = part + quintic(fade) * (calm - part)
+            found[a:b, place] = part + smooth_step(fade) * (calm - part)
     return found
 
 

@@ -21,6 +21,7 @@ from functools import partial
 import numpy as np
 
 from orientd.curves.hermite import KksQuinticHermite
+from orientd.curves.quintic import quintic
 from orientd.curves.trajectory import TimeMap, Trajectory
 from orientd.errors import PlanError, StartError
 from orientd.mechanism import Mechanism
@@ -32,7 +33,7 @@ from orientd.planner.connect.leads import LEAD_SHARE, connected
 from orientd.planner.facts import HISTORY
 from orientd.planner.job import TAKE_OVER_SHARE, certified
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PositionPath, quintic
+from orientd.planner.path import Path, PositionPath
 from orientd.planner.planning import plan
 from orientd.planner.recorded import RecordedMotion
 from orientd.planner.state import State

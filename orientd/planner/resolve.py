@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from orientd.curves.contract import METHODS
+from orientd.curves.quintic import UNIT_ACCELERATION, UNIT_VELOCITY
 from orientd.driver import Vector3
 from orientd.errors import RequestError, StartError
 from orientd.model.limits import Limits
@@ -43,8 +44,6 @@ _NO_AXIS = 1e-6
 """Largest turn, rad, that is too small to define an axis for whole turns."""
 _WINDING_STEP, _RATE_STEP = math.pi / 3, 2.0
 """Distance of intermediate keyframes of whole turns, and of a turn at a rate, rad."""
-_PEAK_ACCELERATION, _PEAK_JERK = 1.875, 5.78
-"""Peaks of the quintic from rest to a velocity, for a unit velocity and duration."""
 _SAME_RATE = 1e-6
 """Tolerances for a device that already turns at a rate, rad/s and rad/s^2."""
 _SHARE = 0.5
@@ -187,11 +186,12 @@ def at_rate(request: MotionRequest, start: State, limits: Limits) -> MotionReque
     check_duration(request.total)
     apart = [*(start.omega_body - omega), *start.alpha_body, *start.velocity, *start.acceleration]
     goes_on = max(map(abs, apart)) < _SAME_RATE
+    # The rate builds up as a quintic.
     ramp = 0.0
     if not goes_on:
         ramp = max(
-            _PEAK_ACCELERATION * speed / (_SHARE * limits.acceleration),
-            math.sqrt(_PEAK_JERK * speed / (_SHARE * limits.jerk)),
+            UNIT_VELOCITY * speed / (_SHARE * limits.acceleration),
+            math.sqrt(UNIT_ACCELERATION * speed / (_SHARE * limits.jerk)),
         )
     count = max(1, math.ceil(speed * request.total / _RATE_STEP))
     times = request.total * np.arange(count + 1) / count

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "differences.h"
-#include "moves.h"
+#include "quintic.h"
 #include "trajectory.h"
 
 /* Seconds before its end that a path counts as ended: its last record is at rest, to rounding. */

@@ -14,7 +14,7 @@ enum { HISTORY = 3 };
  * channels three values and their velocities. */
 enum { TURN_ROWS = 10, PLAIN_ROWS = 6 };
 
-/* Numbers of a quintic of the position; see moves.h. */
+/* Numbers of a quintic of the position; see quintic.h. */
 enum { MOVE = 18 };
 
 /* That are looked at in one call: days of them. */

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "double_s.h"
+
 /* Size below which a direction means nothing. */
 #define NOTHING 1e-150
 /* Share of the closing speed that is given up while all the motion is sideways. */
@@ -97,12 +99,6 @@ void advance(const gauges_t *g, const double *v, const double *a, const double *
     sum(g->n, base, low, way, found);
 }
 
-/* The first of the changes c, c - d, c - 2 d ... that sum to a total; d is the step. */
-static double first_change(double total, double step) {
-    double left = total / step, whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0));
-    return (left / (whole + 1.0) + 0.5 * whole) * step;
-}
-
 /* Write the acceleration, relative to b's reference, that makes up for a velocity u soonest.
  *
  * Straight to a turning point, from there straight to zero; a halved fixed-point iteration finds
@@ -146,38 +142,14 @@ void halt(const gauges_t *g, const double *v, const double *a, const double *asi
     advance(g, v, a, wanted, loosened(g, v, a), found);
 }
 
-/* The speed from which, without initial acceleration, a stop fits within a way: half a double S
- * (Biagiotti and Melchiorri 2008, section 3.4). */
-static double closing_speed(double way, double acceleration, double jerk) {
-    double ramp = acceleration * acceleration / jerk;
-    if (way * jerk <= acceleration * ramp)
-        return cbrt(way * way * jerk);
-    return sqrt(0.25 * ramp * ramp + 2.0 * acceleration * way) - 0.5 * ramp;
-}
-
-/* The way of the quickest stop along a line in continuous time, signed; by the same double S. */
-static double stopping_way(double speed, double rate, double acceleration, double jerk) {
-    double sign = speed + 0.5 * rate * fabs(rate) / jerk < 0.0 ? -1.0 : 1.0;
-    speed *= sign, rate *= sign;
-    double square = larger(jerk * speed + 0.5 * rate * rate, 0.0);
-    double peak = smaller(sqrt(square), acceleration), t = (rate + peak) / jerk;
-    double last = 0.5 * peak * peak / jerk;
-    double way = t * (speed + t * (0.5 * rate - jerk * t / 6.0)) + last * peak / (3.0 * jerk);
-    if (peak == acceleration) {
-        speed += 0.5 * (rate * rate - peak * peak) / jerk;
-        way += 0.5 * (speed * speed - last * last) / peak;
-    }
-    return sign * way;
-}
-
 /* A line to the reference, and what is known along it. */
 typedef struct { double along, way, known, acceleration, jerk, period; } line_t;
 
 /* By how much a relative stop after a step with an acceleration passes the reference. */
 static double excess(const line_t *line, double rate) {
     double h = line->period;
-    double stop = stopping_way(line->along + 0.5 * h * rate, rate, line->acceleration, line->jerk);
-    return stop - line->way + h * h * rate / 6.0;
+    double speed = line->along + 0.5 * h * rate;
+    return stop_along(speed, rate, line->acceleration, line->jerk).way - line->way + h * h * rate / 6.0;
 }
 
 /* Write the largest part of the way from braking to going whose stop does not pass the reference. */
@@ -213,16 +185,16 @@ void keep_distance(const gauges_t *g, double slack, const double *e, const doubl
     double most = 1.0 / gauge(g, ACCELERATION, u), jerk = 1.0 / gauge(g, JERK, u);
     double way = inner(n, u, e), pace = inner(n, u, vr);
     if (pace > 0.0)
-        way += stopping_way(pace, larger(-most, smaller(inner(n, u, ar), most)), most, jerk);
+        way += stop_along(pace, larger(-most, smaller(inner(n, u, ar), most)), most, jerk).way;
     way = (way + slack) / (1.0 - LOOSE);
     saturate(g, a, wanted, go);
-    double rate = inner(n, u, go), far = stopping_way(speed + 0.5 * h * rate, rate, most, jerk);
+    double rate = inner(n, u, go), far = stop_along(speed + 0.5 * h * rate, rate, most, jerk).way;
     if (far <= way)
         return;
     rest(g, v, a, brake);
     saturate(g, a, brake, brake);
     rate = inner(n, u, brake);
-    double near = stopping_way(speed + 0.5 * h * rate, rate, most, jerk);
+    double near = stop_along(speed + 0.5 * h * rate, rate, most, jerk).way;
     double share = far > near ? larger(way - near, 0.0) / (far - near) : 0.0;
     for (index_t i = 0; i < n; i++)
         wanted[i] = brake[i] + share * (go[i] - brake[i]);

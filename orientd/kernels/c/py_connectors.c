@@ -1,6 +1,7 @@
-/* Connectors and stops as Python calls them. */
+/* Connectors, stops and motion along a line as Python calls them. */
 #include "binding.h"
 #include "connectors.h"
+#include "double_s.h"
 #include "shorten.h"
 #include "trajectory.h"
 
@@ -28,8 +29,29 @@ KERNEL(stop) {
     return PyLong_FromLongLong(found);
 }
 
+KERNEL(double_s) {
+    TAKE("dddd");
+    double t[3];
+    double_s(a[0].d, a[1].d, a[2].d, a[3].d, t);
+    return Py_BuildValue("(ddd)", t[0], t[1], t[2]);
+}
+
+KERNEL(stop_along) {
+    TAKE("dddd");
+    line_stop_t found = stop_along(a[0].d, a[1].d, a[2].d, a[3].d);
+    return Py_BuildValue("(dd)", found.time, found.way);
+}
+
+KERNEL(first_change) {
+    TAKE("dd");
+    return PyFloat_FromDouble(first_change(a[0].d, a[1].d));
+}
+
 PyMethodDef connectors_methods[] = {
     ENTRY(connect),
+    ENTRY(double_s),
+    ENTRY(first_change),
     ENTRY(stop),
+    ENTRY(stop_along),
     LAST_ENTRY,
 };

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 
 #include "clock.h"
-#include "interpolation.h"
 #include "profile.h"
 #include "timing.h"
 #include "trajectory.h"

@@ -1,5 +1,6 @@
-/* Trajectories as Python calls them. */
+/* Trajectories, and quintics along with them, as Python calls them. */
 #include "binding.h"
+#include "quintic.h"
 #include "trajectory.h"
 
 KERNEL(fit_trajectory) {
@@ -50,10 +51,54 @@ KERNEL(retime_trajectory) {
     return PyLong_FromLongLong(found);
 }
 
+/* intervals, ends (values, first and second derivatives, one after the other), coefficients */
+KERNEL(put_quintics) {
+    TAKE("vvV");
+    index_t spans = a[0].v.n, knots = 3 * (spans + 1), m = a[1].v.n / knots;
+    CHECK(a[1].v.n == knots * m && a[2].v.n == spans * QUINTIC * m);
+    for (index_t k = 0; k < spans; k++)
+        for (index_t i = 0; i < m; i++) {
+            double ends[2][3];
+            for (int side = 0; side < 2; side++)
+                for (int order = 0; order < 3; order++)
+                    ends[side][order] = a[1].v.v[(order * (spans + 1) + k + side) * m + i];
+            put_quintic(a[0].v.v[k], ends[0], ends[1], a[2].v.v + k * QUINTIC * m + i, m);
+        }
+    release(&taken);
+    Py_RETURN_NONE;
+}
+
+/* of three numbers */
+KERNEL(quintic_at) {
+    TAKE("vd");
+    CHECK(a[0].v.n == 3 * QUINTIC);
+    double x[4], y[4], z[4], u = a[1].d;
+    const double *c = a[0].v.v;
+    quintic_at(c, 3, u, x), quintic_at(c + 1, 3, u, y), quintic_at(c + 2, 3, u, z);
+    release(&taken);
+    return Py_BuildValue("((ddd)(ddd)(ddd)(ddd))", x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2],
+                         z[2], x[3], y[3], z[3]);
+}
+
+KERNEL(sample_moves) {
+    TAKE("vvmT");
+    index_t n = a[0].v.n, each = 3 * n;
+    CHECK(a[2].m.n > 0 && a[2].m.m == 3 * QUINTIC && a[1].v.n == a[2].m.n + 1);
+    CHECK(a[3].t.n == 3 && a[3].t.m == n && a[3].t.k == 3);
+    double *to = a[3].t.v;
+    RUN(for (index_t i = 0; i < n; i++)
+            put_move(a[1].v, a[2].m, a[0].v.v[i],
+                     (move_t){to + 3 * i, to + each + 3 * i, to + 2 * each + 3 * i}));
+    Py_RETURN_NONE;
+}
+
 PyMethodDef trajectory_methods[] = {
     ENTRY(fit_trajectory),
     ENTRY(product_trajectory),
+    ENTRY(put_quintics),
+    ENTRY(quintic_at),
     ENTRY(retime_trajectory),
+    ENTRY(sample_moves),
     ENTRY(sample_trajectory),
     LAST_ENTRY,
 };

@@ -10,8 +10,11 @@
  * chords between those at the ends, so that they keep any convex limits.
  */
 #include <stdlib.h>
+#include <string.h>
 
 #include "connectors.h"
+#include "double_s.h"
+#include "quintic.h"
 #include "trajectory.h"
 
 #define STILL 1e-12        /* rad/s and rad, that count as none */
@@ -178,26 +181,6 @@ bool add_stop(const motion_t *state, matrix_t limits, double period, double long
     return is_done;
 }
 
-/* Rising and constant acceleration, and constant velocity, of the quickest turn from rest to rest
- * (the double S; Biagiotti and Melchiorri 2008, section 3.4). */
-static void double_s(double way, double velocity, double acceleration, double jerk, double t[3]) {
-    double rise = acceleration / jerk, hold, peak, cruise = 0.0;
-    if (way < 2.0 * acceleration * rise * rise)
-        rise = cbrt(0.5 * way / jerk), hold = 0.0, peak = jerk * rise * rise;
-    else {
-        hold = fmax(0.5 * (sqrt(rise * rise + 4.0 * way / acceleration) - 3.0 * rise), 0.0);
-        peak = acceleration * (rise + hold);
-    }
-    if (peak > velocity) {
-        if (velocity < jerk * rise * rise)
-            rise = sqrt(velocity / jerk), hold = 0.0;
-        else
-            hold = fmax(velocity / acceleration - rise, 0.0);
-        cruise = fmax(way / velocity - (2.0 * rise + hold), 0.0);
-    }
-    t[0] = rise, t[1] = hold, t[2] = cruise;
-}
-
 /* Add the turn from rest to rest, and a time more, s. */
 static bool add_turn(quat_t goal, matrix_t limits, double more, phases_t *to) {
     vec_t zero = vec(0.0, 0.0, 0.0), way = times(2.0, logarithm(shorter(
@@ -269,23 +252,24 @@ bool by_way_of_rest(const motion_t *start, const motion_t *end, matrix_t limits,
 
 /* Write a piece whose rotation vector has degree five, with given states at its ends. */
 static void put_piece(const motion_t *from, const motion_t *to, double duration, double *piece) {
-    vec_t none = vec(0.0, 0.0, 0.0), way = rotation_vector(from->q, to->q), rate[2], change[2];
-    put_rates(none, from->omega, from->alpha, 0.5 * duration, &rate[0], &change[0]);
-    put_rates(way, to->omega, to->alpha, 0.5 * duration, &rate[1], &change[1]);
-    /* Even and odd powers apart, by their values and derivatives at u = 1. */
-    vec_t middle = times(0.5, way), c[NODES];
-    vec_t even = times(0.5, minus(rate[1], rate[0])), odd = times(0.5, plus(rate[0], rate[1]));
-    vec_t even_bend = times(0.5, plus(change[0], change[1]));
-    vec_t odd_bend = times(0.5, minus(change[1], change[0])), rest = minus(odd, middle);
-    c[4] = times(0.125, minus(even_bend, even));
-    c[2] = scaled_plus(-2.0, c[4], times(0.5, even));
-    c[0] = minus(minus(middle, c[2]), c[4]);
-    c[5] = times(0.125, scaled_plus(-3.0, rest, odd_bend));
-    c[3] = scaled_plus(-2.0, c[5], times(0.5, rest));
-    c[1] = minus(minus(middle, c[3]), c[5]);
+    double ends[2][3][3] = {0}, *c = piece + 4;
+    vec_t way[2] = {vec(0.0, 0.0, 0.0), rotation_vector(from->q, to->q)}, rate, change;
+    for (int side = 0; side < 2; side++) {
+        const motion_t *at = side ? to : from;
+        put_rates(way[side], at->omega, at->alpha, 0.5 * duration, &rate, &change);
+        const double of[3][3] = {{way[side].x, rate.x, change.x}, {way[side].y, rate.y, change.y},
+                                 {way[side].z, rate.z, change.z}};
+        memcpy(ends[side], of, sizeof of);
+    }
     put_quat(piece, from->q);
-    for (int j = 0; j < NODES; j++)
-        put_vec(piece + 4 + 3 * j, j < 6 ? c[j] : none);
+    memset(c, 0, 3 * NODES * sizeof *c);
+    for (int axis = 0; axis < 3; axis++) {
+        put_quintic(2.0, ends[0][axis], ends[1][axis], c + axis, 3);
+        /* By powers of u, which begins at -1. */
+        for (int k = 0; k < QUINTIC - 1; k++)
+            for (int j = QUINTIC - 2; j >= k; j--)
+                c[3 * j + axis] += c[3 * j + 3 + axis];
+    }
 }
 
 index_t put_phases(const phases_t *phases, row_t breaks, matrix_t pieces) {

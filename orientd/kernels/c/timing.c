@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "clock.h"
-#include "moves.h"
+#include "quintic.h"
 #include "profile.h"
 #include "timing.h"
 #include "trajectory.h"
@@ -146,15 +146,12 @@ static void put_axes(const timing_t *asked, double t, double slope, double bend,
     const double *c = row_of(asked->axis_pieces, piece);
     double u = t - asked->axis_breaks.v[piece];
     for (index_t k = 0; k < (axes + 2) / 3 * 3; k++) {
-        double p = 0.0, p1 = 0.0, p2 = 0.0;
-        for (int power = 5; k < axes && power >= 0; power--) {
-            p2 = p2 * u + p1;
-            p1 = p1 * u + p;
-            p = p * u + c[power * axes + k];
-        }
+        double at[4] = {0};
+        if (k < axes)
+            quintic_at(c + k, axes, u, at);
         index_t to = 3 * (k / 3 * spots + spot) + k % 3;
-        path->axis_first[to] = p1 * slope;
-        path->axis_second[to] = 2.0 * p2 * slope * slope + p1 * bend;
+        path->axis_first[to] = at[1] * slope;
+        path->axis_second[to] = at[2] * slope * slope + at[1] * bend;
     }
 }
 

@@ -49,10 +49,9 @@ daemon cannot plan it beforehand.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from orientd import kernels
 from orientd.model.limits import Limits
 from orientd.rotation import Floats
 
@@ -120,8 +119,7 @@ def longest_stop_beside(end_speed: float, limits: Limits) -> float:
 
 
 def _rise_time(speed: float, limits: Limits) -> float:
-    rise = min(math.sqrt(speed / limits.jerk), limits.acceleration / limits.jerk)
-    return max(speed / limits.acceleration, rise) + rise
+    return kernels.stop_along(speed, 0.0, limits.acceleration, limits.jerk)[0]
 
 
 def speed_to_stop(shares: Floats, stop_time: float) -> Floats:

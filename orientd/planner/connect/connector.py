@@ -7,7 +7,6 @@ see ``orientd/kernels/c/shorten.h``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -112,22 +111,14 @@ def _of_phases(kernel: Callable[..., int], *given: Floats | float) -> Trajectory
 
 
 def turn_to_stop(state: State, limits: Limits) -> float:
-    """Return the approximate turn of a device until it is at rest, rad.
-
-    It is half a double S (Biagiotti and Melchiorri 2008, section 3.4), after the acceleration has
-    fallen.
-    """
+    """Return the approximate turn of a device until it is at rest, rad: that along its axis."""
     speed = float(np.linalg.norm(state.omega_body))
     if not speed:
         return 0.0
     direction = state.omega_body / speed
     _, most, jerk = limits.along(direction.tolist())
     rise = max(0.0, float(direction @ state.alpha_body))
-    fall = rise / jerk
-    highest = speed + 0.5 * rise * fall
-    is_long = highest * jerk > most**2
-    half = 0.5 * (highest / most + most / jerk) if is_long else math.sqrt(highest / jerk)
-    return speed * fall + rise * fall**2 / 3.0 + highest * half
+    return kernels.stop_along(speed, rise, most, jerk)[1]
 
 
 def state_row(state: State) -> Floats:

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 from orientd.curves.axis_turn import AxisTurn
+from orientd.curves.quintic import QUINTIC, UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
 from orientd.curves.trajectory import Trajectory
 from orientd.driver import Joints
 from orientd.errors import PlanError
@@ -23,13 +24,7 @@ from orientd.model.limits import Limits, is_still
 from orientd.planner.connect.connector import FACTORS, connector, hold, join, stop
 from orientd.planner.connect.position_stop import check_lead, position_lead
 from orientd.planner.errors import LeadError
-from orientd.planner.path import (
-    DEGREE,
-    UNIT_ACCELERATION,
-    UNIT_JERK,
-    UNIT_VELOCITY,
-    PositionPath,
-)
+from orientd.planner.path import PositionPath
 from orientd.planner.state import State
 from orientd.planner.timing.axis_turn import phases_of_turn
 from orientd.planner.timing.keyframe_path import KeyframePath
@@ -228,7 +223,7 @@ def straight(start: State, end: State) -> KeyframePath:
         )
     positions = PositionPath.held(start.position)
     if move.any():
-        pieces = np.zeros((1, DEGREE + 1, 3))
+        pieces = np.zeros((1, QUINTIC, 3))
         pieces[0, 0], pieces[0, 1] = start.position, move / span
         positions = PositionPath(np.array([0.0, span]), pieces, start.position, end.position)
     return KeyframePath(trajectory, positions, np.array([0.0, span]))

@@ -11,29 +11,38 @@ import math
 
 import numpy as np
 
+from orientd.curves.quintic import QUINTIC, quintic, quintics
 from orientd.errors import PlanError
 from orientd.model.limits import LONGEST, Limits
-from orientd.planner.path import DEGREE, Motion3, PositionPath, quintic
+from orientd.planner.path import Motion3, PositionPath
 from orientd.planner.state import State
 from orientd.rotation import Floats
 
 _MOST_LOOKS = 64  # at durations
 _SLACK = 1e-9  # of a period
 _PRECISION = 0.01  # of the shortest duration
-_INDEX = np.arange(DEGREE + 1.0)
-_U = np.linspace(0.0, 1.0, 65)[:, None]
-# Contributions of distance, initial velocity and initial acceleration to velocity and acceleration
-# of a quintic that ends at rest, by the share of the duration.
-_RATES = (
-    30.0 * _U**2 * (1.0 - _U) ** 2,
-    1.0 - 18.0 * _U**2 + 32.0 * _U**3 - 15.0 * _U**4,
-    _U - 4.5 * _U**2 + 6.0 * _U**3 - 2.5 * _U**4,
-)
-_BENDS = (
-    60.0 * _U - 180.0 * _U**2 + 120.0 * _U**3,
-    -36.0 * _U + 96.0 * _U**2 - 60.0 * _U**3,
-    1.0 - 9.0 * _U + 18.0 * _U**2 - 10.0 * _U**3,
-)
+_INDEX = np.arange(float(QUINTIC))
+_LOOKS = 65  # along a piece
+
+
+def _contributions() -> tuple[Floats, Floats]:
+    """Return velocities and accelerations of quintics over a time of 1 that end at rest.
+
+    Returns:
+        Those for a distance, an initial velocity and an initial acceleration of 1, at even places,
+        shape ``(3, n, 1)`` each.
+    """
+    given: Floats = np.zeros((3, 2, 3))
+    given[0, 1, 0] = given[1, 0, 1] = given[2, 0, 2] = 1.0
+    pieces = quintics(np.ones(1), *given)[0, ::-1].T
+    places = np.linspace(0.0, 1.0, _LOOKS)
+    rates, bends = (
+        np.array([np.polyval(np.polyder(one, order), places) for one in pieces]) for order in (1, 2)
+    )
+    return rates[..., None], bends[..., None]
+
+
+_RATES, _BENDS = _contributions()
 _MARGIN = 1.0 + 1e-9
 _ZERO = np.zeros(3)
 

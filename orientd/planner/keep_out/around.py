@@ -38,9 +38,7 @@ Planning = Callable[[MotionRequest], Motion]
 RESERVE = math.radians(0.1)
 """Distance from an edge that a path around is made for, rad."""
 
-_ROUNDS = 14  # plans until a curve keeps clear
-_PUSH = 1.15  # times the depth of a curve in a cone
-_NEAR = 0.3  # share of an interval within which a keyframe is moved rather than one added
+_ROUNDS = 6  # plans until a curve keeps clear
 _SAME = 1.0 - 1e-9  # cosine between an axis and the pointing axis
 _EVERY = 4  # points of a path between two keyframes, if fewer do not keep clear
 _EXIT = math.radians(2.0)  # distance from the edge of the first keyframe outside
@@ -327,16 +325,13 @@ class Around:
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             part = short[:, begin:end]
             cone, place = np.unravel_index(int(np.argmin(part)), part.shape)
-            far = np.array([_PUSH * (RESERVE - float(part[cone, place]))])
+            far = np.array([RESERVE - float(part[cone, place])])
             time = motion.period * (begin + int(place) + 0.5)
             one = self._edges(time)[int(cone)]
             k = int(np.searchsorted(ends, time))
-            before = float(ends[k - 1]) if k else 0.0
-            after = float(ends[k]) if k < count else motion.duration
-            share = (time - before) / (after - before)
-            near = k - 1 if share < _NEAR else k if share > 1.0 - _NEAR else 0
+            near = int(np.argmin(np.abs(ends - time)))
             # The state of the device stays, if that is the first keyframe.
-            if 0 < near < count and request.keyframes[near].is_added:
+            if near and request.keyframes[near].is_added:
                 q = np.array(found.keyframes[near].q)[None]
                 found = with_orientation(found, near, one.pushed(q, far)[0])
             else:

@@ -9,11 +9,10 @@ from operator import itemgetter
 from typing import ClassVar
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 
+from orientd.curves.quintic import quintics
 from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.motion import Motion
-from orientd.planner.path import quintics
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 
@@ -104,7 +103,7 @@ def _timed(request: MotionRequest, keyframes: list[Keyframe]) -> list[Keyframe]:
             rates[1] = 0.0
         share = np.linspace(0.0, 1.0, _SHARES)
         way = quintics(np.ones(1), _ENDS, np.array(rates)[:, None], np.zeros((2, 1)))
-        passed = polyval(share, way[0, :, 0])
+        passed = np.polyval(way[0, ::-1, 0], share)
         times = begin + (end - begin) * np.interp(far[1:-1] / far[-1], passed, share)
         for index, time in enumerate(times.tolist(), first + 1):
             keyframes[index] = replace(keyframes[index], time=time)

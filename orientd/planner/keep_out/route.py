@@ -25,8 +25,8 @@ POINTS = 17
 
 _SWEEPS = 40
 _POLE = 1e-9
-_STEP = math.radians(28.0)
-"""Longest arc of contact for one keyframe."""
+_TOUCH = math.radians(0.6)
+"""Distance from an obstacle up to which a path is in contact with it, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,9 +84,8 @@ def shortest_path(
     circles = [Circle(_vector(one.direction), one.radius) for one in obstacles if one.axis is axis]
     end = None if is_roll_free else q1
     found = (
-        _relaxed(path, obstacles)
+        _relaxed(_lifted(q0, end, axis, np.array(route.points())), obstacles)
         for route in _routes(_vector(rotate(q0, axis)), _vector(rotate(q1, axis)), circles)
-        for path in _lifted(q0, end, axis, np.array(route.points()))
     )
     return min(found, key=_length, default=None)
 
@@ -112,8 +111,8 @@ def _length(path: Floats) -> float:
     return float(np.sum(angle(path[:-1], path[1:])))
 
 
-def _lifted(q0: Floats, q1: Floats | None, axis: Floats, points: Floats) -> Iterator[Floats]:
-    """Yield orientations along points on the sphere with the twist spread evenly, the lesser first.
+def _lifted(q0: Floats, q1: Floats | None, axis: Floats, points: Floats) -> Floats:
+    """Return orientations along points on the sphere with the twist spread evenly.
 
     Without a last orientation *q1* there is no twist.
     """
@@ -125,15 +124,9 @@ def _lifted(q0: Floats, q1: Floats | None, axis: Floats, points: Floats) -> Iter
     far = np.concatenate([[0.0], np.cumsum(angles(points[:-1], points[1:]))])
     share = far / far[-1] if far[-1] > 0.0 else np.linspace(0.0, 1.0, len(far))
     if q1 is None:
-        yield _resampled(along, along[-1])
-        return
+        return _resampled(along, along[-1])
     twist = float(log(between(along[-1], q1)) @ axis)
-    for whole in (0.0, -math.copysign(2.0 * math.pi, twist)):
-        total = twist + whole
-        if abs(total) > 1.5 * math.pi:
-            continue
-        path = multiply(along, exp(total * share[:, None] * axis))
-        yield _resampled(path, q1)
+    return _resampled(multiply(along, exp(twist * share[:, None] * axis)), q1)
 
 
 def _least_turns(a: Floats, b: Floats) -> Floats:
@@ -189,18 +182,13 @@ def _aligned(path: Floats) -> Floats:
 def keyframes_along(path: Floats, obstacles: Sequence[Obstacle]) -> list[Floats]:
     """Return the fewest keyframes that lead a spline along a path: in the middle of each contact.
 
-    A long contact has several.  A path without contact, the other way round a turn, has one.
+    A path without contact has one.
     """
-    touch = math.radians(0.6)
-    is_near = np.max([one.depth(path) for one in obstacles], axis=0) > -touch
+    is_near = np.max([one.depth(path) for one in obstacles], axis=0) > -_TOUCH
     is_near[[0, -1]] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], is_near.astype(int), [0]])))
     found: list[Floats] = []
-    length = _length(path)
-    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        count = max(1, round((end - begin) / (POINTS - 1) * length / _STEP))
-        for k in range(count):
-            place = begin + (k + 0.5) * (end - begin) / count - 0.5
-            low = min(int(place), POINTS - 2)
-            found.append(slerp(path[low], path[low + 1], place - low))
+    for place in (0.5 * (edges[::2] + edges[1::2] - 1)).tolist():
+        low = min(int(place), POINTS - 2)
+        found.append(slerp(path[low], path[low + 1], place - low))
     return found or [path[POINTS // 2]]

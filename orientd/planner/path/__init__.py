@@ -3,15 +3,5 @@
 from __future__ import annotations
 
 from orientd.planner.path.path import Path, PathSamples, end_states
-from orientd.planner.path.position import (
-    DEGREE,
-    UNIT_ACCELERATION,
-    UNIT_JERK,
-    UNIT_VELOCITY,
-    Motion3,
-    PositionPath,
-    position_path,
-    quintic,
-    quintics,
-)
+from orientd.planner.path.position import Motion3, PositionPath, position_path
 from orientd.planner.path.recorded_path import SAME_ANGLE, RecordedPath

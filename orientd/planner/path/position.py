@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd import kernels
+from orientd.curves.quintic import QUINTIC, quintic, quintics
 from orientd.errors import PlanError
-from orientd.kernels import solve_banded
 from orientd.rotation import Floats
-
-DEGREE = 5
 
 Motion3 = tuple[Floats, Floats, Floats]
 """Position, velocity and acceleration."""
@@ -28,11 +27,6 @@ Clock = Callable[[Floats], tuple[Floats, Floats, Floats]]
 """Maps a time to a path time and its first two derivatives, for example a ``TimeMap``."""
 
 _STILL = np.zeros(3)
-
-# Peaks of the derivatives of 10u^3 - 15u^4 + 6u^5 on [0, 1].
-UNIT_VELOCITY = 1.875
-UNIT_ACCELERATION = 10.0 / np.sqrt(3.0)
-UNIT_JERK = 60.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +49,7 @@ class PositionPath:
     def held(cls, position: ArrayLike) -> PositionPath:
         """Return the path that stays at *position*."""
         point = np.asarray(position, dtype=np.float64)
-        return cls(np.empty(0), np.empty((0, DEGREE + 1, 3)), point, point)
+        return cls(np.empty(0), np.empty((0, QUINTIC, 3)), point, point)
 
     @property
     def is_held(self) -> bool:
@@ -67,23 +61,16 @@ class PositionPath:
 
         At a break they are those of the piece that begins there.
         """
-        position, velocity, acceleration = np.zeros((3, len(times), 3))
+        found: Floats = np.zeros((3, len(times), 3))
+        position, velocity, acceleration = found
         if self.is_held:
             position[:] = self.first
             return position, velocity, acceleration
-        begin, end = self.breaks[0], self.breaks[-1]
-        inside = np.clip(times, begin, end)
-        piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
-        elapsed = (inside - self.breaks[piece])[:, None]
-        c = self.coefficients[piece]
-        for power in range(DEGREE, -1, -1):
-            acceleration = acceleration * elapsed + 2.0 * velocity
-            velocity = velocity * elapsed + position
-            position = position * elapsed + c[:, power]
-        is_before, is_after = times < begin, times >= end
-        # While it is held, the position is constant to the last digit, and the velocity is zero.
-        position[is_before], position[is_after] = self.first, self.last
-        velocity[is_before | is_after] = acceleration[is_before | is_after] = 0.0
+        times = np.ascontiguousarray(times, dtype=np.float64)
+        kernels.sample_moves(times, self.breaks, self.coefficients.reshape(-1, QUINTIC * 3), found)
+        # While it is held, the position is constant to the last digit.
+        position[times < self.breaks[0]] = self.first
+        position[times >= self.breaks[-1]] = self.last
         return position, velocity, acceleration
 
     def state(self, time: float) -> Motion3:
@@ -109,7 +96,7 @@ class PositionPath:
 
     def slowed(self, factor: float) -> PositionPath:
         """Return the same path, slower by *factor*."""
-        powers = factor ** -np.arange(DEGREE + 1.0)
+        powers = factor ** -np.arange(float(QUINTIC))
         coefficients = self.coefficients * powers[:, None]
         return replace(self, breaks=self.breaks * factor, coefficients=coefficients)
 
@@ -124,7 +111,7 @@ class PositionPath:
         if self.is_held:
             return lead
         gap = self.breaks[0] > lead.breaks[-1]
-        hold: Floats = np.zeros((int(gap), DEGREE + 1, 3))
+        hold: Floats = np.zeros((int(gap), QUINTIC, 3))
         hold[:, 0] = self.first
         return PositionPath(
             np.concatenate([lead.breaks if gap else lead.breaks[:-1], self.breaks]),
@@ -142,8 +129,8 @@ class PositionPath:
         piece = int(np.searchsorted(self.breaks[1:-1], time, side="right"))
         u, c = time - self.breaks[piece], self.coefficients[piece:].copy()
         c[0] = [
-            sum(math.comb(n, k) * u ** (n - k) * c[0, n] for n in range(k, DEGREE + 1))
-            for k in range(DEGREE + 1)
+            sum(math.comb(n, k) * u ** (n - k) * c[0, n] for n in range(k, QUINTIC))
+            for k in range(QUINTIC)
         ]
         return PositionPath(np.append(time, self.breaks[piece + 1 :]), c, c[0, 0], self.last)
 
@@ -170,39 +157,6 @@ class PositionPath:
             return self
         move = quintic((position, _STILL, _STILL), (self.first, _STILL, _STILL), end)
         return self.after(PositionPath(np.array([0.0, end]), move[None], position, self.first))
-
-
-def quintic(first: Motion3, last: Motion3, duration: float) -> Floats:
-    """Return the quintic between two positions with velocity and acceleration, ``(6, 3)``."""
-    pieces = quintics(np.array([duration]), *map(np.stack, zip(first, last, strict=True)))
-    only: Floats = pieces[0]
-    return only
-
-
-def quintics(intervals: Floats, points: Floats, velocities: Floats, pushes: Floats) -> Floats:
-    """Return the quintics between values with first and second derivatives.
-
-    Args:
-        intervals: their durations, s, shape ``(n - 1,)``.
-        points: the values, shape ``(n, m)``, as the others.
-        velocities: first derivatives there.
-        pushes: second derivatives there.
-
-    Returns:
-        Coefficients of the powers of the time since each begins, shape ``(n - 1, 6, m)``.
-    """
-    h, p, v, a = intervals[:, None], points[:-1], velocities[:-1], pushes[:-1]
-    way = points[1:] - p - h * (v + 0.5 * h * a)
-    speed, push = h * (velocities[1:] - v - h * a), h * h * (pushes[1:] - a)
-    return np.stack(
-        [
-            p, v, 0.5 * a,
-            (10.0 * way - 4.0 * speed + 0.5 * push) / h**3,
-            (-15.0 * way + 7.0 * speed - push) / h**4,
-            (6.0 * way - 3.0 * speed + 0.5 * push) / h**5,
-        ],
-        axis=1,
-    )  # fmt: skip
 
 
 def position_path(
@@ -261,6 +215,6 @@ def _join(intervals: Floats, points: Floats, velocities: Floats, pushes: Floats)
         inside = (column >= 0) & (column < size)
         band[3 + (row - column)[inside], column[inside]] = rows[place // 6, place % 6, inside]
     solution = right.reshape(size, 3)
-    if not solve_banded(band, 3, 3, solution):
+    if not kernels.solve_banded(band, 3, 3, solution):
         raise PlanError("no spline was found through the positions: their times are too uneven")
     velocities[1:-1], pushes[1:-1] = solution[0::2], solution[1::2]

@@ -18,12 +18,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from orientd.curves.quintic import quintics
 from orientd.driver import AxisLimits, Joints
 from orientd.mechanism import Gimbal, Mechanism
 from orientd.mechanism.routing import check_way, joints_along
 from orientd.model.limits import Limits
 from orientd.planner.certify.measuring import AxisRecords
-from orientd.planner.path import Path, RecordedPath, quintics
+from orientd.planner.path import Path, RecordedPath
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle
 

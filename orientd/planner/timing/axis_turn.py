@@ -1,7 +1,7 @@
 """The fastest turn about one axis from rest to rest: its jerk is constant in seven phases.
 
 Only velocity, acceleration and jerk along its axis limit such a turn, so the shortest time has a
-closed form (the double S; Biagiotti and Melchiorri 2008, section 3.4).
+closed form, the double S (``orientd/kernels/c/double_s.h``).
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from orientd import kernels
 from orientd.curves.axis_turn import AxisTurn
 from orientd.model.limits import Limits
 from orientd.planner.certify.brake import jerk_to_stop, longest_stop, speed_to_stop
@@ -38,43 +39,6 @@ _BISECTIONS = 60
 _SAME = 1e-9  # share of a duration
 
 
-def double_s(distance: float, velocity: float, acceleration: float, jerk: float) -> Floats:
-    """Return durations of the seven phases of the fastest motion from rest to rest, s.
-
-    Args:
-        distance: to cover.
-        velocity: largest; may be infinite.
-        acceleration: largest, finite.
-        jerk: largest; may be infinite.
-    """
-    rise, hold, cruise = _durations(distance, velocity, acceleration, jerk)
-    return np.array([rise, hold, rise, cruise, rise, hold, rise])
-
-
-def _durations(
-    distance: float, velocity: float, acceleration: float, jerk: float
-) -> tuple[float, float, float]:
-    """Return the durations of rising and of constant acceleration, and of constant velocity, s."""
-    rise = 0.0 if jerk == math.inf else acceleration / jerk
-    # First ignore the velocity limit.
-    if rise and distance < 2.0 * acceleration * rise * rise:
-        rise = math.cbrt(0.5 * distance / jerk)
-        hold = 0.0
-        peak = jerk * rise * rise
-    else:
-        hold = 0.5 * (math.sqrt(rise * rise + 4.0 * distance / acceleration) - 3.0 * rise)
-        hold = max(hold, 0.0)
-        peak = acceleration * (rise + hold)
-    cruise = 0.0
-    if peak > velocity:
-        if rise and velocity < jerk * rise * rise:
-            rise, hold = math.sqrt(velocity / jerk), 0.0
-        else:
-            hold = max(velocity / acceleration - rise, 0.0)
-        cruise = max(distance / velocity - (2.0 * rise + hold), 0.0)
-    return rise, hold, cruise
-
-
 def usable(
     turn: float, velocity: float, acceleration: float, jerk: float, *, is_part: bool = False
 ) -> Rates:
@@ -92,7 +56,7 @@ def usable(
         is_part: whether the path is part of a longer motion.
     """
     most = VELOCITY_SHARE * velocity, SHARE * acceleration, SHARE * jerk
-    rise, hold, cruise = _durations(turn, *most)
+    rise, hold, cruise = kernels.double_s(turn, *most)
     stop = longest_stop(2.0 * rise + hold)
     weight = ((4.0 * rise + 2.0 * hold + cruise) / stop - _EASED) / (1.0 - _EASED)
     weight = 1.0 if is_part else min(weight, 1.0)
@@ -117,7 +81,7 @@ def usable(
 
 
 def _duration(turn: float, velocity: float, acceleration: float, jerk: float) -> float:
-    rise, hold, cruise = _durations(turn, velocity, acceleration, jerk)
+    rise, hold, cruise = kernels.double_s(turn, velocity, acceleration, jerk)
     return 4.0 * rise + 2.0 * hold + cruise
 
 
@@ -128,7 +92,9 @@ def phases_of_turn(axis: Floats, turn: float, limits: Limits, *, is_part: bool =
         turn: its angle, rad, positive.
         is_part: whether it is part of a longer motion.
     """
-    return double_s(turn, *usable(turn, *limits.along(axis.tolist()), is_part=is_part))
+    used = usable(turn, *limits.along(axis.tolist()), is_part=is_part)
+    rise, hold, cruise = kernels.double_s(turn, *used)
+    return np.array([rise, hold, rise, cruise, rise, hold, rise])
 
 
 def turned_at_once(keyframe_path: KeyframePath, limits: Limits) -> KeyframePath | None:

@@ -21,9 +21,9 @@ from collections.abc import Sequence
 from math import inf, sqrt
 from typing import NamedTuple
 
+from orientd import kernels
 from orientd.driver import ZERO, AxisLimits, Joints, Vector3
 from orientd.floats import plus
-from orientd.servo.double_s import first_change
 from orientd.stream.records import ServoLimits
 
 _LEAST_RELEASE = 0.3
@@ -124,8 +124,8 @@ def released(
 ) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
-    The speed falls as in :func:`~orientd.servo.double_s.first_change`, as fast as the jerk
-    along the path allows.
+    The speed falls by a first change and then by less in each cycle, as fast as the jerk along the
+    path allows.
 
     Args:
         past: the previous cycle.
@@ -158,7 +158,7 @@ def released(
         if axis.jerk < inf and slope != 0.0:
             jerk = min(jerk, axis.jerk * path_speed / abs(slope))
     step = share * jerk * period * period
-    return (speed - first_change(speed, step) - (a * x + b * y + c * z)) / path_speed
+    return (speed - kernels.first_change(speed, step) - (a * x + b * y + c * z)) / path_speed
 
 
 def nearest(

@@ -24,9 +24,9 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from math import ceil
 
+from orientd import kernels
 from orientd.driver import ZERO, AxisLimits, Joints
 from orientd.floats import combine, cross, dot, norm, plus
-from orientd.servo.double_s import stop_phases
 from orientd.servo.guard import Guard
 from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
@@ -131,7 +131,7 @@ class QuickStop:
         speed = norm(guard.omega)
         change = dot(guard.omega, guard.alpha) / speed if speed > 0.0 else 0.0
         time = max(
-            sum(stop_phases(speed, change, servo_limits.acceleration, servo_limits.jerk)),
+            kernels.stop_along(speed, change, servo_limits.acceleration, servo_limits.jerk)[0],
             norm(guard.velocity) / servo_limits.linear_acceleration,
             *(
                 abs(rate) / axis.acceleration

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from math import ceil, copysign
 
-from orientd.servo.double_s import first_change
+from orientd import kernels
 
 
 def records_to_stop(brake_rate: float, period: float) -> int:
@@ -89,7 +89,7 @@ class TimeScaling:
             return self.rate
         most, step = 2.0 * self.brake_rate, 4.0 * self.brake_rate * self.brake_rate * self.period
         # The fastest change from which the rate can still come down in time.
-        wanted = copysign(first_change(abs(difference) / self.period, step), difference)
+        wanted = copysign(kernels.first_change(abs(difference) / self.period, step), difference)
         highest = min(self.acceleration + step, most)
         lowest = max(self.acceleration - step, -most)
         self.acceleration = min(max(wanted, lowest), highest)

@@ -19,7 +19,6 @@ from orientd import kernels
 from orientd.driver import ZERO, Vector3
 from orientd.floats import norm, plus
 from orientd.mechanism.mechanism import Rows
-from orientd.servo.double_s import stopping_angle
 from orientd.stream.records import ServoLimits
 
 PRECISION = 1e-3
@@ -253,14 +252,14 @@ class Law:
         unit = plus(ZERO, rate, 1.0 / speed)
         _, acceleration, jerk = self.along(unit)
         bend = unit[0] * change[0] + unit[1] * change[1] + unit[2] * change[2]
-        return stopping_angle(speed, bend, acceleration, jerk)
+        return kernels.stop_along(speed, bend, acceleration, jerk)[1]
 
     def reach(self, rate: Vector3) -> float:
         """Return the largest way of a step from a velocity and of a stop after it, rad or m."""
         row, h = self._row, self.period
         speed = norm(rate) + h * row[1]
         least, jerk = min(row[1], *row[6:9]), min(row[2], *row[9:12])
-        return stopping_angle(speed, row[1], least, jerk) + h * speed
+        return kernels.stop_along(speed, row[1], least, jerk)[1] + h * speed
 
     def loosened(self, rate: Vector3, change: Vector3) -> float:
         """Return the limit of the velocity, raised to the least that a state can still keep."""

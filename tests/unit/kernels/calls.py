@@ -34,6 +34,8 @@ def make_calls():
     follow_arms()
     follow_vector()
     foretell()
+    kernels.first_change(0.5, 0.01)
+    follow_quintics()
     start = State.at_rest(keyframes(2)[0])
     rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
@@ -102,6 +104,15 @@ def follow_vector():
     kernels.pursue_vector(limits, PERIOD, state, 0.1 * state, following, taken, found)
     kernels.halt_vector(limits, PERIOD, state, np.full(3, 0.1), found)
     kernels.stop_clearance(limits, PERIOD, state, np.array([[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1]]))
+
+
+def follow_quintics():
+    """Make quintics, and sample them one by one and as the position of a path."""
+    pieces, samples = np.zeros(36), np.zeros((3, 5, 3))
+    kernels.put_quintics(np.array([0.5, 0.7]), np.linspace(0.0, 1.0, 27), pieces)
+    kernels.quintic_at(pieces[:18], 0.2)
+    breaks = np.array([0.0, 0.5, 1.2])
+    kernels.sample_moves(np.linspace(-1.0, 2.0, 5), breaks, pieces.reshape(2, 18), samples)
 
 
 def foretell():

@@ -8,7 +8,7 @@ import pytest
 from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import difference, exp, multiply, norm
-from orientd.servo.double_s import stopping_angle
+from orientd.kernels import stop_along
 from orientd.servo.tracking.reference import Target
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)
@@ -233,7 +233,7 @@ def test_wherever_targets_end_the_device_ends_there(seed):
     last, points = stream(world, rate, hz, seconds, live=live, ahead=ahead, axis=axis, after=4.0)
     bound = world.limits
     overdue = 0.0 if ahead else 1.25 / hz + 2 * world.period
-    most = stopping_angle(rate, 0.0, bound.acceleration, bound.jerk) + rate * (
+    most = stop_along(rate, 0.0, bound.acceleration, bound.jerk)[1] + rate * (
         overdue + 2 * world.period
     )
     assert beyond(points, last, axis) <= 1.1 * most + 5e-3

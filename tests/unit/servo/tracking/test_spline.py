@@ -10,7 +10,7 @@ from tracking_world import NS, angle
 from orientd.driver import ZERO
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
 from orientd.servo.tracking.chunks import knots_of
-from orientd.servo.tracking.quintic import Knot, Piece
+from orientd.servo.tracking.quintic import Knot, Piece, quintic
 from orientd.stream.records import Sample
 
 
@@ -82,3 +82,19 @@ def test_a_piece_has_velocity_and_acceleration_of_both_its_knots(seed, size):
         alpha = combine(alphas[0], 2.0, alphas[1], -1.0)
         assert norm(plus(omega, knot.omega, -1.0)) < 1e-5
         assert norm(plus(alpha, knot.alpha, -1.0)) < 2e-3
+
+
+def test_a_quintic_meets_its_ends_and_has_three_derivatives():
+    rng = random.Random(7)
+    way, leave, bend, arrive, settle = (
+        (rng.gauss(0.0, 1.0), rng.gauss(0.0, 1.0), rng.gauss(0.0, 1.0)) for _ in range(5)
+    )
+    found = quintic(way, leave, bend, arrive, settle)
+    assert found.value(0.0) == ZERO
+    assert found.derivatives(0.0)[:2] == (leave, pytest.approx(bend))
+    assert found.value(1.0) == pytest.approx(way)
+    assert found.derivatives(1.0)[:2] == (pytest.approx(arrive), pytest.approx(settle))
+    lower = (found.value, *(lambda u, k=k: found.derivatives(u)[k] for k in range(2)))
+    for order, function in enumerate(lower):
+        slope = combine(function(0.3 + 1e-5), 5e4, function(0.3 - 1e-5), -5e4)
+        assert found.derivatives(0.3)[order] == pytest.approx(slope, rel=1e-6, abs=1e-6)
