@@ -234,14 +234,13 @@ class Playing(Tracking):
 
     def __exit__(self, *of: object) -> None:
         try:
-            if of[0] is None:
-                if not self.wait():
-                    away = norm(difference(to_quaternion(self.report.q), self._last_q))
-                    raise StateError(
-                        f"the device does not rest {LONGEST_SETTLING:g} s after the last pose was "
-                        f"due, and is {away:.3g} rad away from it; widen the limits, or call "
-                        "wait() before the end of the block"
-                    )
+            if of[0] is None and not self.wait():
+                away = norm(difference(to_quaternion(self.report.q), self._last_q))
+                raise StateError(
+                    f"the device does not rest {LONGEST_SETTLING:g} s after the last pose was "
+                    f"due, and is {away:.3g} rad away from it; widen the limits, or call "
+                    "wait() before the end of the block"
+                )
         finally:
             self.close()
 

@@ -47,15 +47,8 @@ def quintic(
 
 
 _SMOOTH = quintics(np.ones(1), np.array([[0.0], [1.0]]), *np.zeros((2, 2, 1)))[0, ::-1, 0]
-_PASSED = np.polyint(_SMOOTH)
 
 
 def smooth_step(u: Floats) -> Floats:
     """Return the quintic from 0 to 1 between rests; constant outside."""
     return np.polyval(_SMOOTH, np.clip(u, 0.0, 1.0)).astype(np.float64)
-
-
-def smooth_ramp(u: Floats) -> Floats:
-    """Return the integral of :func:`smooth_step` from 0 on."""
-    passed = np.polyval(_PASSED, np.clip(u, 0.0, 1.0)).astype(np.float64)
-    return passed + np.maximum(0.0, u - 1.0)

@@ -3,8 +3,8 @@
 The servo uses plain floats and kernels.  Only the modules that plan whole paths need NumPy.
 
 Other packages import from ``arrays``, ``chain``, ``figure``, ``following``, ``gimbal``,
-``gimbal_route``, ``joint_path``, ``keep_out_slews``, ``mechanism``, ``pacing``, ``routing`` and
-``turning``.
+``joint_path``, ``keep_out_slews``, ``mechanism``, ``pointing``, ``poles``, ``router``, ``routing``,
+``timed_route``, ``turning``, ``unwinding`` and ``way``.
 """
 
 from orientd.mechanism.gimbal import Gimbal

@@ -7,10 +7,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.mechanism.gimbal import LOCK, Functions, Gimbal, Kinematics
+from orientd.driver import Quaternion
+from orientd.mechanism.gimbal import Functions, Gimbal, Kinematics
 from orientd.rotation import Floats, normalize
 
 _OF_ARRAYS = Functions(np.sin, np.cos, np.arctan2, np.hypot)
+AT_POLE = 2e-5
+"""Sine of the distance from the pole below which the outer angle of a path is unknown: closer to it
+an error of 1e-10 rad turns the outer axis."""
+
 _THROUGH = 2
 """Number of samples at the pole that still count as a path straight through it."""
 
@@ -37,6 +42,12 @@ def matrices(gimbal: Gimbal, q: Floats) -> Floats:
         Components of rotation matrices, shape ``(9, n)``.
     """
     return np.stack(of_arrays(gimbal).matrix(q.T))
+
+
+def pole_distances(gimbal: Gimbal, q: Floats) -> Floats:
+    """Return the sine of the distance from the pole, shape ``(n,)``, for *q*, ``(n, 4)``."""
+    _, sine = of_arrays(gimbal).pointing(matrices(gimbal, q))
+    return np.asarray(sine, dtype=np.float64)
 
 
 def joints_at(gimbal: Gimbal, matrix: Floats, outer: Floats) -> Floats:
@@ -74,7 +85,7 @@ def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tu
         Angles in rad and the sine of the distance from the pole, both of shape ``(n,)``.
     """
     outer, sine = of_arrays(gimbal).pointing(matrix)
-    is_known = sine > LOCK
+    is_known = sine > AT_POLE
     known = np.nonzero(is_known)[0]
     if known.size:
         line = np.interp(np.arange(len(outer)), known, np.unwrap(outer[known], period=np.pi))
@@ -105,3 +116,9 @@ def _turn_at_pole(gimbal: Gimbal, matrix: Floats) -> Floats:
         return np.zeros(count)
     turn = np.unwrap(of_arrays(gimbal).outer_at_pole(matrix, np.zeros(count)))
     return np.asarray(turn - turn[0], dtype=np.float64)
+
+
+def row_of(q: Floats) -> Quaternion:
+    """Return an orientation, shape ``(4,)``, as plain floats."""
+    w, x, y, z = q.tolist()
+    return w, x, y, z

@@ -6,7 +6,7 @@ Velocity, acceleration and jerk are backward differences, as a device computes t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -17,8 +17,6 @@ from orientd.errors import LimitError, LimitKind
 from orientd.mechanism.figure import Figure, Loss
 from orientd.rotation import Floats, conjugate, log, multiply
 
-_SLACK = 1.0 + 1e-3
-"""Factor by which a difference may exceed its limit, because samples only approximate a path."""
 _PLANNED = 0.95
 """Share of an axis' acceleration that generated plans use; the rest is for braking."""
 _RISE = 5.0
@@ -103,12 +101,6 @@ class Bounds(NamedTuple):
     axes: Sequence[AxisLimits]
     tool: ToolLimits = ToolLimits()
 
-    @property
-    def longest_step(self) -> Floats:
-        """How far each axis can turn in a sample, with a margin for rounding, rad."""
-        velocity = np.array([axis.velocity for axis in self.axes])
-        return velocity * self.period * (1 + 1e-9) + 1e-12
-
 
 class AxisPeak(NamedTuple):
     """The largest rate of an axis of one kind.
@@ -128,54 +120,26 @@ class AxisPeak(NamedTuple):
     time: float
 
 
-def rates(joints: Floats, period: float, before: Floats, order: int = 2) -> list[Floats]:
-    """Return velocity, acceleration, and so on up to *order*, by backward differences.
+def rates(joints: Floats, period: float, before: Floats) -> list[Floats]:
+    """Return velocity, acceleration and jerk by backward differences.
 
     Args:
         joints: shape ``(n, axes)``.
         period: s.
         before: the samples before the first, oldest first, shape ``(m, axes)``.  Differences that
             would reach back further are 0.
-        order: number of derivatives.
 
     Returns:
         Arrays of the shape of *joints*.
     """
     found, rows = [], np.concatenate([before, joints])
-    for passed in range(1, order + 1):
+    for passed in range(1, len(KINDS) + 1):
         rows = np.diff(rows, axis=0) / period
         kept = np.zeros_like(joints)
         known = len(before) - passed
         kept[max(0, -known) :] = rows[max(0, known) :]
         found.append(kept)
     return found
-
-
-def axis_peaks(
-    joints: Floats, period: float, axes: Sequence[AxisLimits], before: Floats
-) -> Iterator[AxisPeak]:
-    """Yield the peaks of velocity and acceleration of every axis, and of the jerk if it is limited.
-
-    Args:
-        joints: rad, shape ``(n, axes)``.
-        period: s.
-        axes: their limits.
-        before: as for :func:`rates`.
-    """
-    sizes = [np.abs(one) for one in rates(joints, period, before, order=3)]
-    for place, axis in enumerate(axes):
-        limits = axis.velocity, axis.acceleration, axis.jerk
-        for kind, size, limit in zip(KINDS, sizes, limits, strict=True):
-            if kind is LimitKind.JERK and math.isinf(limit):
-                continue
-            at = int(np.argmax(size[:, place]))
-            yield AxisPeak(kind, axis, float(size[at, place]), limit, at * period)
-
-
-def excess_of(peaks: Iterable[AxisPeak]) -> float:
-    """Return the factor by which the path of *peaks* must take longer to keep the limits."""
-    shares = [((one.value / one.limit), 1 + KINDS.index(one.kind)) for one in peaks]
-    return max(float(share ** (1.0 / order)) for share, order in shares)
 
 
 def losses_of(error: Floats, period: float, tolerance: float) -> tuple[Loss, ...]:
@@ -204,14 +168,6 @@ def planned(axes: Iterable[AxisLimits], period: float) -> list[AxisLimits]:
     ]
 
 
-def refuse_rates(peaks: Iterable[AxisPeak], advice: str) -> None:
-    """Raise :class:`.LimitError` for the first axis that exceeds a limit of its rates."""
-    for kind, axis, value, limit, time in peaks:
-        if value > limit * _SLACK:
-            quantity = f"{kind.value} of {axis.name}"
-            raise LimitError(quantity, value, limit, time, UNITS[kind], advice, kind=kind)
-
-
 def refuse_range(
     joints: Sequence[float], axes: Sequence[AxisLimits], time: float, advice: str
 ) -> None:
@@ -226,3 +182,19 @@ def out_of_range(axis: AxisLimits, value: float, time: float, advice: str) -> Li
     bound = axis.high if abs(value - axis.high) < abs(value - axis.low) else axis.low
     quantity = f"angle of {axis.name}"
     return LimitError(quantity, value, bound, time, "rad", advice, kind=LimitKind.RANGE)
+
+
+def refuse_angle(principal: Floats, axes: Sequence[AxisLimits], time: float) -> None:
+    """Raise for the axis that is farthest outside its limits on the better branch."""
+    turn = 2 * np.pi
+    worst = []
+    for branch in principal:
+        outside = []
+        for value, axis in zip(branch, axes, strict=True):
+            middle = (axis.low + axis.high) / 2
+            nearest = value - turn * np.round((value - middle) / turn)
+            outside.append(max(axis.low - nearest, nearest - axis.high, 0.0))
+        place = int(np.argmax(outside))
+        worst.append((outside[place], place, float(branch[place])))
+    _, place, value = min(worst)
+    raise out_of_range(axes[place], value, time, "no branch is within the limits")

@@ -161,7 +161,7 @@ def lines_of(
         joints = joints_at(gimbal, matrix, exact + branch * np.pi)
         joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
         turns = [
-            _turns(joints[at, k], low[k] - slack[:, k], high[k] + slack[:, k], float(near[k]))
+            turns_inside(joints[at, k], low[k] - slack[:, k], high[k] + slack[:, k], float(near[k]))
             for k in range(len(axes))
         ]
         is_quick = _quick(joints, axes, period)
@@ -174,7 +174,7 @@ def lines_of(
     return Sky(matrix, exact, sine, tuple(line for _, line in kept))
 
 
-def _turns(angles: Floats, low: Floats, high: Floats, near: float) -> list[int]:
+def turns_inside(angles: Floats, low: Floats, high: Floats, near: float) -> list[int]:
     """Return the whole turns with which an axis is inside its range where nearer turns are not.
 
     Args:

@@ -1,131 +1,37 @@
-"""Joint paths for a tool path, planned before the motion starts.
+"""The axes of a mechanism along a path, at whatever pace: exactly on it, on their initial branch.
 
-The whole path is known in advance.  A gimbal chooses branches and turns by least cost over all of
-it.  It passes the pole with the least deviation that the axes need, and stops to slew if that is
-allowed.  Any other mechanism follows the path exactly, on its initial branch.  An infeasible path
-is refused with axis, value and time.
+A path along which they cannot go is refused with its place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
+from itertools import product
 
 import numpy as np
 
-from orientd.driver import Joints, Quaternion, Vector3
+from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
 from orientd.errors import PlanError, StartError
-from orientd.mechanism.arrays import joints_at, matrices, outer_line
+from orientd.mechanism.arrays import AT_POLE, joints_at, matrices, orientations, outer_line, row_of
+from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
-from orientd.mechanism.gimbal_route import certify, plan_axes, row_of
 from orientd.mechanism.joint_path import (
-    Bounds,
-    JointPath,
-    ToolLimits,
-    planned,
+    refuse_angle,
     refuse_range,
 )
-from orientd.mechanism.keep_out_slews import Clearance
 from orientd.mechanism.mechanism import Mechanism, Rows, inside
-from orientd.mechanism.timed_route import TimedPath, timed_route
+from orientd.mechanism.pointing import figures_of
 from orientd.rotation import Floats, check_unit
 
 _LONGEST_STEP = 0.5
 """Distance in rad; neighbouring samples that are farther apart are on different branches."""
-_STILL = 1e-9
+_TURN = 2.0 * np.pi
 _RANGE_ADVICE = "turn less far (a turn by a shorter `--duration`), or unwind it first"
 
 
-def _at(time: float) -> str:
+def at_time(time: float) -> str:
+    """Return where a path is at a time, s, in words."""
     return f"at {time:.4f} s"
-
-
-def route(
-    gimbal: Gimbal,
-    period: float,
-    q: Floats,
-    *,
-    joints: Joints = (),
-    before: Sequence[Joints] = (),
-    tool: ToolLimits | None = None,
-    free: float = 0.0,
-) -> JointPath:
-    """Return the joint path of a gimbal for a tool path.
-
-    Args:
-        gimbal: kinematics and limits of the axes.
-        period: of the grid, s.
-        q: tool orientations up to rest, shape ``(n, 4)``.
-        joints: planned or reported axis angles at the start, rad; empty if unknown.
-        before: planned axis angles of the periods before a path that begins in motion, oldest
-            first; empty for a path that begins at rest.
-        tool: limits of the tool where the axes leave the path or its times; none by default.
-        free: path time up to which the path may stand while the gimbal turns at its pole, s.
-
-    Raises:
-        LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
-        PlanError: the axes can neither follow the path nor rejoin it.
-        StartError: the axes cannot be at the start of the path.
-        ValueError: a quaternion is not of unit norm.
-    """
-    q, past = check_unit(q), np.reshape(np.array(before), (-1, len(gimbal.axes)))
-    start = np.array(gimbal.solve(row_of(q[0]), joints)[0]) if joints else None
-    found = plan_axes(gimbal, q, period, start=start, past=past, tool=tool, free=free)
-    return certify(gimbal, found, q)
-
-
-def route_at_times(
-    gimbal: Gimbal,
-    period: float,
-    q: Floats,
-    ends: tuple[float, float],
-    *,
-    joints: Joints = (),
-    before: Sequence[Joints] = (),
-    tool: ToolLimits | None = None,
-    keep_out: tuple[Clearance, ...] = (),
-) -> JointPath:
-    """Return the joint path of a gimbal for a tool path that keeps its times.
-
-    At rest, the lead-in of the axes takes the place of the one of *q*, and may last longer.
-
-    Args:
-        gimbal: kinematics and limits of the axes.
-        period: of the grid, s.
-        q: tool orientations up to rest, shape ``(n, 4)``.
-        ends: path times of the first keyframe and of the last, s.
-        joints: planned or reported axis angles at the start, rad; empty if unknown.
-        before: as for :func:`route`.
-        tool: limits of the tool; none by default.
-        keep_out: clearances from keep-out cones that slews of two axes keep if they can; if one
-            cannot be kept, the next one counts.
-
-    Raises:
-        LimitError: an axis cannot follow.
-        PlanError: the axes can neither follow the path nor rejoin it.
-        StartError: the axes cannot be at the start of the path.
-        ValueError: a quaternion is not of unit norm.
-    """
-    q, past = check_unit(q), np.reshape(np.array(before), (-1, len(gimbal.axes)))
-    begin, end = (round(time / period) for time in ends)
-    is_moving = len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL)
-    first = begin if begin and not is_moving else 0
-    start = np.array(gimbal.solve(row_of(q[0]), joints)[0]) if joints else None
-    at = np.arange(first, len(q))
-    path = TimedPath(
-        q[first:],
-        (at >= begin) & (at <= end),
-        start,
-        past if is_moving else past[:0],
-        first > 0,
-        keep_out,
-    )
-    bounds = Bounds(period, planned(gimbal.axes, period), tool or ToolLimits())
-    found, lead = timed_route(gimbal, path, bounds)
-    times = found.path_times + first * period
-    if lead:
-        times[:lead] = np.linspace(0.0, first * period, lead, endpoint=False)
-    return replace(found, path_times=times)
 
 
 def joints_along(
@@ -134,9 +40,12 @@ def joints_along(
     q: Floats,
     position: Floats,
     near: Joints,
-    place: Callable[[float], str] = _at,
+    place: Callable[[float], str] = at_time,
+    last: Joints = (),
 ) -> Floats:
     """Return axis angles along a path, ignoring limits, rad, shape ``(n, axes)``.
+
+    A gimbal stays on the branch and the turns on which it begins.
 
     Args:
         mechanism: kinematics of the axes.
@@ -145,16 +54,14 @@ def joints_along(
         position: tool positions, m, shape ``(n, 3)``.
         near: axis angles at the start, rad; empty if unknown.
         place: returns where a path is at a time, in words for a refusal.
+        last: axis angles at the end, if that is at the pole of a gimbal and they are known, rad.
 
     Raises:
         PlanError: a pose is out of reach.
     """
+    near = near or beginnings(mechanism, row_of(q[0]), tuple(position[0].tolist()))[0]
     if isinstance(mechanism, Gimbal):
-        matrix = matrices(mechanism, check_unit(q))
-        joints = joints_at(mechanism, matrix, outer_line(mechanism, matrix)[0])
-        joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
-        return joints
-    near = near or begun(mechanism, row_of(q[0]), tuple(position[0].tolist()))
+        return _line(mechanism, check_unit(q), near, last)
     poses = Rows(len(q), 7, np.concatenate([q, position], axis=1).tobytes())
     found = Rows(len(q), len(mechanism.axes))
     reached = mechanism.follow(poses, near, found, len(q))
@@ -163,32 +70,96 @@ def joints_along(
     return np.array(found.view)
 
 
-def begun(mechanism: Mechanism, q: Quaternion, position: Vector3) -> Joints:
-    """Return axis angles for a pose inside their ranges, the nearest to home, rad.
+def _line(gimbal: Gimbal, q: Floats, near: Joints, goal: Joints = ()) -> Floats:
+    """Return the axis angles of a gimbal on the branch and the turns nearest to *near*, rad."""
+    matrix, last = matrices(gimbal, q), np.array(near)
+    one = row_of(q[0])
+    ways = np.array(
+        [gimbal.solve(one, near)[0]] if gimbal.is_fitting else gimbal.branches(one, near)
+    )
+    ways += _TURN * np.round((last - ways) / _TURN)
+    begin = ways[int(np.argmin(np.abs(ways - last).max(axis=1)))]
+    is_at_pole = gimbal.kinematics.pointing(gimbal.kinematics.matrix(one))[1] <= AT_POLE
+    first = float(begin[0]) if is_at_pole else None
+    outer, sine = outer_line(gimbal, matrix, first)
+    outer += np.pi * np.round((begin[0] - outer[0]) / np.pi)
+    at_pole = int(np.argmax(sine[::-1] > AT_POLE)) if goal else 0
+    if at_pole:
+        outer[-at_pole:] += np.linspace(0.0, goal[0] - outer[-1], at_pole + 1)[1:]
+    joints = joints_at(gimbal, matrix, outer)
+    joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
+    joints[:, 1:] += _TURN * np.round((begin[1:] - joints[0, 1:]) / _TURN)
+    return joints
+
+
+def beginnings(mechanism: Mechanism, q: Quaternion, position: Vector3) -> list[Joints]:
+    """Return the axis angles for a pose inside their ranges, those nearest to home first, rad.
+
+    A gimbal has them on every turn of its axes.
 
     Raises:
-        StartError: no axis angles inside the ranges pose the tool so.
+        LimitError: a gimbal has no axis angles inside the ranges for the pose.
+        StartError: another mechanism has none.
     """
     middle = mechanism.home() or (0.0,) * len(mechanism.axes)
-    every = (inside(mechanism.axes, one, middle) for one in mechanism.solutions(q, position))
-    found = [one for one in every if one is not None]
+    found = []
+    for one in mechanism.solutions(q, position):
+        near = inside(mechanism.axes, one, middle)
+        if near is None:
+            continue
+        found.append(near)
+        if isinstance(mechanism, Gimbal):
+            angles = zip(near, mechanism.axes, strict=True)
+            found += list(product(*(_turns(angle, axis) for angle, axis in angles)))
+    if not found and isinstance(mechanism, Gimbal):
+        refuse_angle(np.array(mechanism.solutions(q)), mechanism.axes, 0.0)
     if not found:
         raise StartError("the axes do not reach where the path begins")
-    return min(found, key=lambda one: max(abs(a - b) for a, b in zip(one, middle, strict=True)))
+    return sorted(set(found), key=lambda one: max(map(abs, np.subtract(one, middle).tolist())))
+
+
+def _turns(angle: float, axis: AxisLimits) -> list[float]:
+    """Return an angle on the turns next to it, as far as they are inside the range."""
+    every = angle, angle - _TURN, angle + _TURN
+    return [one for one in every if axis.low <= one <= axis.high]
+
+
+def made(
+    mechanism: Mechanism, joints: Floats, q: Floats, period: float, missed: float = 0.0
+) -> tuple[Floats, tuple[Figure, ...]]:
+    """Return the orientations that axes make on a path, and figures about the way they take.
+
+    Two axes turn a tool with another roll than that of the path.
+
+    Args:
+        mechanism: kinematics and limits of the axes.
+        joints: axis angles from :func:`joints_along`, rad, shape ``(n, axes)``.
+        q: tool orientations of the path, shape ``(n, 4)``.
+        period: between them, s.
+        missed: largest angle by which the path deviates from the requested one, rad.
+
+    Raises:
+        LimitError: two axes leave too much roll.
+    """
+    if not isinstance(mechanism, Gimbal):
+        return q, ()
+    reached = orientations(mechanism, joints)
+    figures = figures_of(mechanism, joints, reached, q, period, (missed, None))
+    return reached, figures
 
 
 def check_way(
     mechanism: Mechanism,
     joints: Floats,
     times: Floats,
-    place: Callable[[float], str] = _at,
+    place: Callable[[float], str] = at_time,
     *,
     is_dense: bool = True,
 ) -> None:
     """Check that the axes can go along a path, at whatever pace.
 
     Args:
-        mechanism: any but a gimbal, whose axes may also go along it on other turns.
+        mechanism: kinematics and limits of the axes.
         joints: axis angles along the path, rad, shape ``(n, axes)``.
         times: of the rows, s, shape ``(n,)``.
         place: as for :func:`joints_along`.
@@ -199,12 +170,12 @@ def check_way(
         PlanError: it jumps, or comes too near to a singularity.
     """
     axes = mechanism.axes
-    low, high = np.array([(axis.low, axis.high) for axis in axes]).T
-    outside = np.any((joints < low) | (joints > high), axis=1)
+    low, high, edge = np.array([(axis.low, axis.high, axis.resolution) for axis in axes]).T
+    outside = np.any((joints < low - edge) | (joints > high + edge), axis=1)
     if np.any(outside):
         at = int(np.argmax(outside))
         time, name = float(times[at]), place(float(times[at]))
-        advice = _RANGE_ADVICE if name == _at(time) else f"{name}; {_RANGE_ADVICE}"
+        advice = _RANGE_ADVICE if name == at_time(time) else f"{name}; {_RANGE_ADVICE}"
         refuse_range(joints[at].tolist(), axes, time, advice)
     steps = np.abs(np.diff(joints, axis=0))
     if is_dense and len(steps) and np.max(steps) > _LONGEST_STEP:

@@ -10,31 +10,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from orientd.driver import AxisLimits
+from orientd.driver import AxisLimits, Joints
 from orientd.errors import PlanError, StartError
-from orientd.mechanism.arrays import joints_at, orientations, wrapped
+from orientd.mechanism.arrays import joints_at, orientations, row_of, wrapped
 from orientd.mechanism.crossings import Crossings
 from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
-from orientd.mechanism.gimbal_route import error_along, manipulability, refuse_angle, row_of
 from orientd.mechanism.joint_path import (
     KINDS,
     Bounds,
     JointPath,
-    axis_peaks,
+    ToolLimits,
     losses_of,
-    refuse_rates,
+    planned,
+    rates,
+    refuse_angle,
 )
 from orientd.mechanism.keep_out_slews import Clearance, Obstacles, around, way_between
+from orientd.mechanism.pointing import manipulability, pointing_error
 from orientd.mechanism.router import Bools, Chain, Crossing, Sky, lines_of
 from orientd.mechanism.timing import rounded, width
-from orientd.rotation import Floats
+from orientd.rotation import Floats, check_unit
 
 SAME = 1e-3
 """Largest distance of the path's start from the given angles, rad."""
@@ -54,9 +56,9 @@ _SLOWER, _SLOWEST = 0.98, 0.25
 """Share of a limit after an attempt that exceeds it, and the least such share."""
 _RESERVES = tuple(np.radians([0.2, 0.8, 2.0, 4.0]).tolist())
 """Clearances of slews around a cone that are tried in turn, rad: fast axes cut corners more."""
+_STILL = 1e-9
 _OUTSIDE = np.radians(0.1)
 """Clearance of the path from which on the axes must be outside too, rad."""
-_ADVICE = "give the pass more time, or begin it elsewhere"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +99,61 @@ class Timed(NamedTuple):
     is_led: bool = False
 
 
+def route_at_times(
+    gimbal: Gimbal,
+    period: float,
+    q: Floats,
+    ends: tuple[float, float],
+    *,
+    joints: Joints = (),
+    before: Sequence[Joints] = (),
+    tool: ToolLimits | None = None,
+    keep_out: tuple[Clearance, ...] = (),
+) -> JointPath:
+    """Return the joint path of a gimbal for a tool path that keeps its times.
+
+    At rest, the lead-in of the axes takes the place of the one of *q*, and may last longer.
+
+    Args:
+        gimbal: kinematics and limits of the axes.
+        period: of the grid, s.
+        q: tool orientations up to rest, shape ``(n, 4)``.
+        ends: path times of the first keyframe and of the last, s.
+        joints: planned or reported axis angles at the start, rad; empty if unknown.
+        before: planned axis angles of the periods before a path that begins in motion, oldest
+            first; empty for a path that begins at rest.
+        tool: limits of the tool; none by default.
+        keep_out: clearances from keep-out cones that slews of two axes keep if they can; if one
+            cannot be kept, the next one counts.
+
+    Raises:
+        LimitError: an axis cannot follow.
+        PlanError: the axes can neither follow the path nor rejoin it.
+        StartError: the axes cannot be at the start of the path.
+        ValueError: a quaternion is not of unit norm.
+    """
+    q, past = check_unit(q), np.reshape(np.array(before), (-1, len(gimbal.axes)))
+    begin, end = (round(time / period) for time in ends)
+    is_moving = len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL)
+    first = begin if begin and not is_moving else 0
+    start = np.array(gimbal.solve(row_of(q[0]), joints)[0]) if joints else None
+    at = np.arange(first, len(q))
+    path = TimedPath(
+        q[first:],
+        (at >= begin) & (at <= end),
+        start,
+        past if is_moving else past[:0],
+        first > 0,
+        keep_out,
+    )
+    bounds = Bounds(period, planned(gimbal.axes, period), tool or ToolLimits())
+    found, lead = timed_route(gimbal, path, bounds)
+    times = found.path_times + first * period
+    if lead:
+        times[:lead] = np.linspace(0.0, first * period, lead, endpoint=False)
+    return replace(found, path_times=times)
+
+
 def timed_route(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> tuple[JointPath, int]:
     """Return the axis angles with the least time off a path, certified, and their lead-in.
 
@@ -114,17 +171,15 @@ def timed_route(gimbal: Gimbal, path: TimedPath, bounds: Bounds) -> tuple[JointP
         PlanError: the axes cannot follow.
         StartError: the path does not begin at the given angles.
     """
-    period, axes = bounds.period, gimbal.axes
+    period = bounds.period
     joints, lead, rest, is_led = timed_joints(gimbal, path, bounds)
     count = len(path.q)
     reached = orientations(gimbal, joints)
     times = period * np.arange(-lead, count, dtype=np.float64)
     times = np.concatenate([times, np.repeat(times[-1:], rest)])
     followed = slice(lead, lead + count)
-    off = np.where(path.counts, error_along(gimbal, path.q, reached[followed]), 0.0)
+    off = np.where(path.counts, pointing_error(gimbal, reached[followed], path.q), 0.0)
     losses = losses_of(np.concatenate([np.zeros(lead), off]), period, gimbal.on_target)
-    before = path.past if len(path.past) else np.repeat(joints[:1], 3, axis=0)
-    refuse_rates(axis_peaks(joints, period, axes, before), _ADVICE)
     held = np.where(off > gimbal.on_target, 0.0, off)
     at = int(np.argmax(held))
     figures = (
@@ -174,16 +229,15 @@ def _within_limits(
 ) -> Timed | None:
     """Return axis angles that keep the limits of the axes and the tool; ``None`` without a way."""
     shares = np.ones(len(KINDS))
+    limits = np.array([(one.velocity, one.acceleration, one.jerk) for one in bounds.axes]).T
     for _ in range(_ATTEMPTS):
         axes = _usable(bounds, shares)
         found = _attempt(gimbal, path, bounds, axes, obstacles)
         if found is None:
             return None
         past = path.past if len(path.past) else np.repeat(found.joints[:1], 3, axis=0)
-        excess = np.zeros(len(KINDS))
-        for one in axis_peaks(found.joints, bounds.period, bounds.axes, past):
-            place = KINDS.index(one.kind)
-            excess[place] = max(excess[place], one.value / one.limit)
+        sizes = np.abs(rates(found.joints, bounds.period, past))
+        excess = np.max(sizes / limits[:, None], axis=(1, 2))
         tool = bounds.tool.excess(orientations(gimbal, found.joints), bounds.period)
         excess = np.maximum(excess, tool ** np.arange(1.0, len(KINDS) + 1.0))
         if np.max(excess) <= 1.0:

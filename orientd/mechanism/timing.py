@@ -1,4 +1,4 @@
-"""Smooth changes in time: ramps of path times, and rounded corners of axis angles.
+"""Rounded corners of axis angles.
 
 A moving average turns a corner into a parabola, and a second one bounds the jerk.
 """
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orientd.curves.quintic import smooth_ramp, smooth_step
+from orientd.curves.quintic import smooth_step
 from orientd.driver import AxisLimits
 from orientd.rotation import Floats
 
@@ -19,47 +19,6 @@ _CORNER = 0.5
 _KINK = 0.02
 """Share of the velocity limit by which it changes in a sample, from which a bend is rounded."""
 _LEAST_ROUNDING = 2
-
-
-def ramp_times(elapsed: Floats, ramp: float) -> Floats:
-    """Return the path times of a path whose speed rises from 0 to 1 as a quintic over *ramp* s."""
-    return ramp * smooth_ramp(elapsed / ramp)
-
-
-def run_through(slow: Floats, times: Floats) -> Floats:
-    """Return the place on a path at *times*, for a given slowness.
-
-    Its derivative is continuous, so that of the path is too.
-
-    Args:
-        slow: time per step at each sample, linear between them, positive, shape ``(n,)``.
-        times: in the unit of *slow*, from 0 on.
-
-    Returns:
-        Places in samples, at most the last.
-    """
-    reached = np.concatenate([[0.0], np.cumsum((slow[1:] + slow[:-1]) / 2.0)])
-    first = np.clip(np.searchsorted(reached, times, side="right") - 1, 0, len(slow) - 2)
-    since = np.minimum(times, reached[-1]) - reached[first]
-    begin, rise = slow[first], slow[first + 1] - slow[first]
-    # Within a step, time is a parabola of the place; this form of its root needs no special case.
-    root = np.sqrt(np.maximum(begin * begin + 2.0 * rise * since, 0.0))
-    places: Floats = first + 2.0 * since / (begin + root)
-    return places
-
-
-def calmed(pace: Floats, width: int) -> Floats:
-    """Return a smooth pace that never exceeds *pace*, shape ``(n,)``.
-
-    Args:
-        pace: of each sample, shape ``(n,)``.
-        width: samples on each side over which it is averaged.
-    """
-    padded = np.pad(pace, 2 * width, mode="edge")
-    # The average of the minimum around each sample.
-    least = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).min(axis=1)
-    kernel = np.hanning(2 * width + 3)[1:-1]
-    return np.convolve(least, kernel / kernel.sum(), mode="valid")
 
 
 def smooth(line: Floats, width: int) -> Floats:

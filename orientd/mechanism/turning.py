@@ -8,26 +8,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from math import degrees
+from dataclasses import replace
 
 import numpy as np
 
+from orientd.curves.trajectory import Trajectory
 from orientd.driver import Joints, Quaternion, Vector3
-from orientd.mechanism.arrays import orientations
-from orientd.mechanism.figure import Figure
+from orientd.errors import PlanError
+from orientd.mechanism.arrays import orientations, pole_distances, row_of
 from orientd.mechanism.gimbal import Gimbal
-from orientd.mechanism.gimbal_route import manipulability, refuse_angle
 from orientd.mechanism.joint_path import (
-    Bounds,
-    JointPath,
-    ToolLimits,
-    planned,
+    refuse_angle,
 )
 from orientd.mechanism.mechanism import inside
-from orientd.mechanism.slews import straight
-from orientd.rotation import Floats, conjugate, exp, rotate
+from orientd.mechanism.way import Slew, Way
+from orientd.rotation import Floats, conjugate, exp, log, multiply, rotate
+from orientd.rotation import angle as distance
 
 _TURN = 2 * math.pi
+_AT_POLE, _ASIDE = 3e-3, 8e-3
+"""Sine of the distance from the pole within which a whole turn is at it, and how far the second
+axis then turns aside, rad."""
+_PLACES, _STEPS, _BESIDE = 513, 4, 1e-6
+"""Places at which the length of a slew is measured, steps towards an orientation, and the distance
+to the next place, as a share."""
 _ALONG = 1e-9
 """Largest difference of a cosine from 1 at which an axis is along the pointing axis."""
 _PARALLEL = 1e-12
@@ -194,46 +198,93 @@ def _travel(begin: Joints, end: Joints) -> float:
     return sum(abs(a - b) for a, b in zip(begin, end, strict=True))
 
 
-def together(
-    gimbal: Gimbal,
-    joints: Joints,
-    q: Quaternion | None,
-    *,
-    period: float,
-    tool: ToolLimits,
-    least: float = 0.0,
-) -> JointPath | None:
-    """Return the fastest joint motion of all axes from rest to rest within the limits.
+def turned_to(gimbal: Gimbal, joints: Joints, q: Quaternion) -> Joints:
+    """Return the axis angles for an orientation to which all axes turn least, rad.
 
     Args:
         gimbal: the gimbal.
         joints: initial axis angles, rad.
-        q: final orientation; ``None`` is home.
-        period: of the cycles, s.
-        tool: limits of the tool.
-        least: least duration, s.
-
-    Returns:
-        ``None`` if two axes cannot make *q*.
+        q: final orientation.
 
     Raises:
         LimitError: no axis angles within the limits make *q*; the error names the axis.
-        PlanError: no duration keeps the limits of the tool.
+        PlanError: two axes cannot make *q*.
     """
-    if q is None:
-        end = gimbal.home()
-    elif gimbal.solve(q, joints)[1] > gimbal.roll_tolerance:
-        return None
-    else:
-        end = min(windings(gimbal, q, joints), key=lambda one: _travel(joints, one))
-    begin = np.array(joints)
-    bounds = Bounds(period, planned(gimbal.axes, period), tool)
-    turned = straight(gimbal, begin, np.array(end), bounds, least=least)
-    figures = (
-        Figure("pointing error", 0.0, "rad", gimbal.max_deviation, 0.0),
-        manipulability(gimbal, turned),
+    if gimbal.solve(q, joints)[1] > gimbal.roll_tolerance:
+        raise PlanError("two axes do not make this orientation")
+    return min(windings(gimbal, q, joints), key=lambda one: _travel(joints, one))
+
+
+def turned_together(gimbal: Gimbal, path: Way, near: Joints, goal: Joints = ()) -> Way:
+    """Return the even turn of all axes from the start of a path to its end.
+
+    Args:
+        gimbal: kinematics and limits of the axes.
+        path: the path.
+        near: axis angles at its start, rad.
+        goal: axis angles at its end, rad; by default those to which all axes turn least.
+
+    Raises:
+        LimitError: no axis angles within the limits make its end.
+        PlanError: two axes do not make it.
+    """
+    first, last = path.trajectory.ends()[0]
+    why = "not by the shortest turn: the axes cannot follow it, or would take longer"
+    notes = () if goal else (why,)
+    goal = goal or turned_to(gimbal, near, row_of(last))
+    span = path.trajectory.domain
+    # Rounding of the axis angles must not move the start.
+    off = log(multiply(first, conjugate(orientations(gimbal, np.array(near)))))
+    middle = orientations(gimbal, 0.5 * np.add(near, goal))
+    ends = np.stack([first, middle, last])
+    aside = 0.0
+    if float(np.max(pole_distances(gimbal, ends))) < _AT_POLE:
+        # At the pole itself an orientation does not tell how outer and inner axis share a turn.
+        aside = _ASIDE if near[1] + _ASIDE <= gimbal.axes[1].high else -_ASIDE
+    slew = Slew(*span, near, goal, aside)
+
+    def turning(times: Floats) -> Floats:
+        left = (times[:, None] - span[1]) / (span[0] - span[1]) * off
+        return np.asarray(multiply(exp(left), turned(gimbal, slew, times)), dtype=np.float64)
+
+    notes = (*path.notes, f"all axes turn together to {angles_in_words(goal)} deg", *notes)
+    return replace(
+        path, trajectory=Trajectory.fit(turning, span), notes=notes, slews=(*path.slews, slew)
     )
-    goal = ", ".join(f"{degrees(angle):.1f}" for angle in end)
-    times = period * np.arange(len(turned), dtype=np.float64)
-    notes = (f"all axes turn together to {goal} deg",)
-    return JointPath(period, turned, orientations(gimbal, turned), times, figures, notes)
+
+
+def turned(gimbal: Gimbal, slew: Slew, times: Floats) -> Floats:
+    """Return the orientations at path *times* of a slew, shape ``(n, 4)``."""
+    return orientations(gimbal, slew.angles((times - slew.begin) / (slew.end - slew.begin)))
+
+
+def turned_along(gimbal: Gimbal, slew: Slew, near: Joints, q: Floats) -> Floats:
+    """Return the axis angles in a slew for orientations on its way, rad, shape ``(n, axes)``.
+
+    Args:
+        gimbal: kinematics of the axes.
+        slew: the slew, which may lead to the same orientation several times.
+        near: axis angles on its way before the first orientation, rad.
+        q: orientations in order, close together, shape ``(n, 4)``.
+    """
+    every = np.linspace(0.0, 1.0, _PLACES)
+    passed = orientations(gimbal, slew.angles(every))
+    lengths = np.concatenate([[0.0], np.cumsum(distance(passed[:-1], passed[1:]))])
+    gap = np.subtract(slew.there, slew.here)
+    begun = float(np.subtract(near, slew.here) @ gap) / max(float(gap @ gap), _PARALLEL)
+    first = orientations(gimbal, slew.angles(np.clip([begun], 0.0, 1.0)))
+    gone = np.cumsum(distance(np.concatenate([first, q[:-1]]), q))
+    shares = np.interp(np.interp(begun, every, lengths) + gone, lengths, every)
+    for _ in range(_STEPS):
+        made = orientations(gimbal, slew.angles(shares))
+        beside = orientations(gimbal, slew.angles(shares + _BESIDE))
+        rate = log(multiply(conjugate(made), beside)) / _BESIDE
+        left = log(multiply(conjugate(made), q))
+        square = np.maximum(np.sum(rate * rate, axis=1), _PARALLEL)
+        shares = np.clip(shares + np.sum(left * rate, axis=1) / square, 0.0, 1.0)
+    return slew.angles(shares)
+
+
+def angles_in_words(joints: Joints) -> str:
+    """Return axis angles in degrees, for a note."""
+    return ", ".join(f"{math.degrees(one):.1f}" for one in joints)

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     )
     from orientd.planner.blending import NOT_BLENDED, blend
     from orientd.planner.certify.certificate import Certificate, Peak
+    from orientd.planner.certifying import reshaped
     from orientd.planner.device_planner import DevicePlanner
     from orientd.planner.facts import HISTORY, MOTION_RECORD, MotionFacts
-    from orientd.planner.fitting import reshaped
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
     from orientd.planner.offline import in_parallel, need_backend, plan_many

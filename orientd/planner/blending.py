@@ -28,10 +28,11 @@ from orientd.mechanism import Mechanism
 from orientd.model.limits import Limits
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
+from orientd.planner.certifying import certified
 from orientd.planner.connect.connector import turn_to_stop
 from orientd.planner.connect.leads import LEAD_SHARE, connected
 from orientd.planner.facts import HISTORY
-from orientd.planner.job import TAKE_OVER_SHARE, certified
+from orientd.planner.job import TAKE_OVER_SHARE
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
 from orientd.planner.planning import plan

@@ -19,9 +19,9 @@ from orientd.mechanism.turning import pointed, windings
 from orientd.model.limits import Limits
 from orientd.model.request import Frame, MotionRequest
 from orientd.planner.blending import NOT_BLENDED, blend
+from orientd.planner.certifying import with_axes
 from orientd.planner.facts import HISTORY
 from orientd.planner.fitting import Fitting
-from orientd.planner.job import with_axes
 from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
@@ -108,9 +108,7 @@ class DevicePlanner:
         self._check_options(request, mechanism)
         placed, limits = self.placed(request, start), self._limits
 
-        axes: Axes | None = None
-        if mechanism is not None and not isinstance(mechanism, Gimbal):
-            axes = Axes(mechanism, tuple(joints), before, rates)
+        axes = None if mechanism is None else Axes(mechanism, tuple(joints), before, rates)
         of_timing = None if axes is None else Axes(axes.mechanism, axes.joints, is_recorded=False)
         path_of = partial(plan, limits=limits, period=self._period, motion_id=motion_id)
 

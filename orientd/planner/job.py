@@ -16,9 +16,6 @@ from orientd.errors import PlanError
 from orientd.model.limits import LONGEST, Limits, is_still
 from orientd.model.request import MotionRequest
 from orientd.planner import refusal
-from orientd.planner.certify.certificate import Certificate
-from orientd.planner.certify.measuring import STATE, AxisRecords, measure
-from orientd.planner.certify.summary import before, summed_up, summed_up_axes
 from orientd.planner.connect.axis_leads import followed
 from orientd.planner.connect.connector import hold, turn_to_stop
 from orientd.planner.connect.leads import (
@@ -35,11 +32,8 @@ from orientd.planner.connect.leads import (
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.errors import LeadError
 from orientd.planner.methods import Ends, build, check_method
-from orientd.planner.motion import Motion
 from orientd.planner.path import (
-    Path,
     PositionPath,
-    RecordedPath,
     end_states,
     position_path,
 )
@@ -47,11 +41,11 @@ from orientd.planner.resolve import half_turn_notes
 from orientd.planner.state import State
 from orientd.planner.timing.axes import NO_AXES, Axes, AxisPath
 from orientd.planner.timing.axes import SHARE as AXIS_SHARE
+from orientd.planner.timing.axis_ways import Way, quickest_of, ways_along
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import Knots, chord_knots, quick_knots
 from orientd.planner.timing.profiles import quickest
 from orientd.rotation import Floats, angle
-from orientd.tolerances import GUARD_TOLERANCE
 
 _HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
@@ -172,6 +166,12 @@ class PlanJob:
         """
         return (1.0 - more * (1.0 - multiple * self.lead_share)) / self.lead_share
 
+    def is_there(self, start: State, end: State) -> bool:
+        """Return whether a state is at the place of another one, and the axes at their goal."""
+        move = float(np.linalg.norm(end.position - start.position))
+        is_same = max(float(angle(start.q, end.q)), move) <= SAME_PLACE
+        return is_same and (self.axes is None or self.axes.is_at_goal)
+
     @property
     def is_taken_over(self) -> bool:
         """Whether a position continues a motion."""
@@ -214,7 +214,7 @@ class PlanJob:
             is_paced: whether the path keeps its own pace; otherwise its pace is found afterwards.
 
         Raises:
-            PlanError: the method has no curve through these keyframes.
+            PlanError: the method has no curve through these keyframes, or the axes do not make it.
         """
         request, kept = self.request, knots.kept
         times = knots.times * (duration / knots.times[-1])
@@ -230,7 +230,10 @@ class PlanJob:
         if trajectory.domain != (0.0, duration):
             trajectory = trajectory.shifted(-trajectory.domain[0]).slowed(duration)
         positions, merged = self._positions(knots, times), knots.merged(request)
-        return KeyframePath(trajectory, positions, times, merged)
+        path = KeyframePath(trajectory, positions, times, merged)
+        if self.axes is None or not is_paced:
+            return path
+        return self.axes.made(path, partial(self.joints_at, path.first))
 
     def _positions(self, knots: Knots, times: Floats) -> PositionPath:
         asked, start, kept = self.request.positions, self.start, knots.kept
@@ -311,10 +314,8 @@ class PlanJob:
         if self.axes is None:
             return find()
         near, refusal = near or self.axes.joints, None
-        turn, move = angle(start.q, end.q), end.position - start.position
-        is_elsewhere = max(float(turn), float(np.linalg.norm(move))) > SAME_PLACE
         is_rested = start.is_at_rest and is_still(end.omega_body, end.alpha_body, self.limits)
-        if is_rested and is_elsewhere:
+        if is_rested and not self.is_there(start, end):
             try:
                 return self._straight_lead(start, end, near)
             except PlanError as error:
@@ -359,7 +360,13 @@ class PlanJob:
             return find(is_direct=True)
 
     def straight(
-        self, start: State, end: State, near: Joints = (), *, is_part: bool = True
+        self,
+        start: State,
+        end: State,
+        near: Joints = (),
+        *,
+        is_part: bool = True,
+        has_shape: bool = True,
     ) -> tuple[KeyframePath, Joints]:
         """Return the fastest straight way from rest to rest, and the axes at its end.
 
@@ -368,28 +375,44 @@ class PlanJob:
             end: final state; the way takes no time if it is at the same place.
             near: axis angles at its start, rad; by default those of the device's start.
             is_part: whether it is part of a longer motion.
+            has_shape: as for :func:`.ways_along`.
 
         Raises:
             PlanError: the axes do not reach it, or the limits allow no timing.
         """
         near = near or (self.axes.joints if self.axes is not None else ())
-        move = float(np.linalg.norm(end.position - start.position))
-        if move <= SAME_PLACE and (self.axes is None or angle(start.q, end.q) <= SAME_PLACE):
+        is_held = np.linalg.norm(end.position - start.position) <= SAME_PLACE
+        if self.is_there(start, end) or (self.axes is None and is_held):
             turn = approach(start.q, end.q, self.limits, is_part=is_part) or hold(start.q, 0.0)
             held = PositionPath.held(start.position)
             return KeyframePath(turn, held, np.array([0.0, turn.duration])), near
         path, share = straight(start, end), min(self.lead_share / LEAD_SHARE, 1.0)
-        within, axes = self.limits.with_reserve(share), NO_AXES
-        if self.axes is not None:
-            axes = self.axes.along(path, near, within, self.period, share * AXIS_SHARE)
-        return quickest(path, within, self.period, has_rests=True, axes=axes), axes.end
+        within = self.limits.with_reserve(share)
+        if self.axes is None:
+            return quickest(path, within, self.period, has_rests=True), near
+        ways = ways_along(
+            self.axes, path, near, within, self.period, share=share * AXIS_SHARE,
+            has_shape=has_shape,
+        )  # fmt: skip
+        return quickest_of(ways, within, self.period)
 
     def _straight_lead(self, start: State, end: State, near: Joints) -> Lead:
         """Return the straight way from rest to rest elsewhere as a lead-in."""
-        path, joints = self.straight(start, end, near)
+        path, joints = self.straight(start, end, near, has_shape=False)
         cycles = math.ceil(path.duration / self.period - _END_SLACK)
         path = path.slowed(cycles * self.period)
-        return Lead((path.trajectory,), cycles, path.positions, joints)
+        return Lead((path.trajectory,), cycles, path.positions, joints, path.slews)
+
+    def ways_along(self, path: KeyframePath) -> list[Way]:
+        """Return the ways of the device along a path through the keyframes.
+
+        Raises:
+            PlanError: the axes do not reach a pose, or the limits allow no lead-in.
+        """
+        if self.axes is None:
+            return [(1.0, path, NO_AXES)]
+        near, place = self.joints_at(path.first), partial(refusal.between, self.request, path.times)
+        return ways_along(self.axes, path, near, self.limits, self.period, place=place)
 
     def axes_along(self, path: KeyframePath) -> AxisPath:
         """Return the axes along a path through the keyframes, if the timing regards them.
@@ -481,7 +504,8 @@ class PlanJob:
             if lead is None:
                 raise ValueError("a single keyframe needs a lead-in")
             parts += self.leads_out(path, begin, share, lambda: lead.joints)
-            return KeyframePath(Trajectory.joined(parts), lead.positions, np.array([begin]))
+            whole, times = Trajectory.joined(parts), np.array([begin])
+            return KeyframePath(whole, lead.positions, times, slews=lead.slews)
         core, positions, notes = path.trajectory, path.positions, path.notes
         if lead is not None:
             positions = positions.delayed(begin).after(lead.positions)
@@ -500,7 +524,10 @@ class PlanJob:
         last = State(last.q, last.omega_body, last.alpha_body, place)
         end = begin + path.duration
         parts += self.leads_out(last, end, share, lambda: self.axes_along(path).end)
-        return KeyframePath(Trajectory.joined(parts), positions, path.times + begin, notes)
+        times, whole = path.times + begin, Trajectory.joined(parts)
+        slews = () if lead is None else lead.slews
+        slews += tuple(one.moved(partial(np.add, begin)) for one in path.slews)
+        return KeyframePath(whole, positions, times, notes, path.missed, slews)
 
     def _joint(self, path: KeyframePath) -> Trajectory | None:
         """Return the lead-in to a path that begins here; ``None`` if it needs none."""
@@ -515,131 +542,3 @@ class PlanJob:
         refusal.check_start(start, State(first.q, *rates, *place), self.limits)
         share = self.share_from(start)
         return join_in(path, start, limits=self.limits, period=self.period, share=share)
-
-    def certified(self, whole: KeyframePath, name: str) -> Motion:
-        """Return the motion along a path from rest to rest, checked against its limits.
-
-        Raises:
-            LimitError: it breaks one.
-        """
-        motion = certified(
-            whole, self.request, self.start, self.own, self.period, motion_id=name, axes=self.axes
-        )
-        return motion.noted(*self.notes, *whole.notes)
-
-
-def certified(
-    whole: KeyframePath,
-    request: MotionRequest,
-    start: State,
-    limits: Limits,
-    period: float,
-    *,
-    motion_id: str,
-    axes: Axes | None = None,
-) -> Motion:
-    """Return the motion along a path, checked against its limits on the records to be sent.
-
-    Args:
-        whole: from rest to rest, or from the state of the motion that it takes over.
-        axes: of the device, whose limits are checked too if the records have them.
-
-    Raises:
-        LimitError: it breaks one.
-        PlanError: the axes cannot go along it.
-    """
-    path: Path | RecordedPath = Path.joined([whole.trajectory], whole.positions, start.q)
-    count = math.ceil(path.duration / period - _END_SLACK) + 1
-    begin, end = whole.times[[0, -1]].tolist()
-    records = None
-    if axes is not None and axes.is_recorded and isinstance(path, Path):
-        path, records = axes.recorded(path, count, period)
-    return Motion(
-        id=motion_id,
-        request=request,
-        limits=limits,
-        period=period,
-        path=path,
-        start_time=begin,
-        end_time=end,
-        keyframe_times=whole.times,
-        record_count=count,
-        certificate=certificate_of(
-            path, count, whole.times, request, start, limits, period, records
-        ),
-        first_joints=() if records is None else records.first,
-        last_joints=() if records is None else records.last,
-        before=start.before,
-    )
-
-
-def with_axes(motion: Motion, axes: Axes) -> Motion:
-    """Return the motion of a tool with the axes of a device on its path.
-
-    Raises:
-        LimitError: an axis breaks a limit.
-        PlanError: the axes cannot go along it.
-        ValueError: *motion* already has a path of the axes.
-    """
-    if not isinstance(motion.path, Path):
-        raise ValueError("motion already has a path of the axes")
-    count, period, times = motion.record_count, motion.period, motion.keyframe_times
-    path, records = axes.recorded(motion.path, count, period)
-    certificate = certificate_of(
-        path, count, times, motion.request, motion.start_state, motion.limits, period, records
-    )
-    found = replace(
-        motion,
-        path=path,
-        certificate=certificate,
-        first_joints=records.first,
-        last_joints=records.last,
-    )
-    return found.noted(*motion.certificate.notes)
-
-
-def certificate_of(
-    path: Path | RecordedPath,
-    count: int,
-    times: Floats,
-    request: MotionRequest,
-    start: State,
-    limits: Limits,
-    period: float,
-    axes: AxisRecords | None = None,
-) -> Certificate:
-    """Return the certificate of a path, of the tool and of the axes of a device.
-
-    Args:
-        path: from start to finish, at rest.
-        count: number of its records.
-        times: path times of the keyframes, s.
-        request: the request of the path.
-        start: where it begins.
-        limits: of the tool.
-        period: of the device, s.
-        axes: of the device, at the records.
-
-    Raises:
-        LimitError: the path breaks a limit.
-    """
-    # Between the records any motion may use the full limits, and one with times of the user on them
-    # too.  Braking there can only use the guard's tolerance.
-    peaks = measure(
-        path if isinstance(path, Path) else np.ascontiguousarray(path.table[:, :STATE]),
-        count,
-        period,
-        limits,
-        before=before(start, period) if start.is_known else None,
-        tolerance=GUARD_TOLERANCE,
-        axes=axes,
-    )
-    begin, end = times[[0, -1]].tolist()
-    place = refusal.Place(request, begin, end, times)
-    refusal.check_limits(peaks, place)
-    refusal.check_stop(peaks, place, limits)
-    found = summed_up(request, path, (begin, end), times, peaks, period)
-    if axes is None:
-        return found
-    figures, notes = summed_up_axes(axes.joints, peaks.axes)
-    return replace(found, figures=(*found.figures, *figures), notes=(*found.notes, *notes))

@@ -19,7 +19,8 @@ from orientd.errors import LimitError, LimitKind, PlanError, RequestError, Start
 from orientd.model.limits import ANGULAR, PERIODS, UNITS, Limits
 from orientd.model.request import DEFAULT_METHOD, MotionRequest
 from orientd.planner import refusal, resting
-from orientd.planner.connect.leads import SAME_PLACE, approach
+from orientd.planner.certifying import certified
+from orientd.planner.connect.leads import approach
 from orientd.planner.errors import AxisLimitError, LeadError
 from orientd.planner.job import WITHOUT_RESERVE, PlanJob
 from orientd.planner.keep_out import Around, Cones, Planning
@@ -29,6 +30,7 @@ from orientd.planner.remarks import remarked
 from orientd.planner.resolve import resolved
 from orientd.planner.state import State
 from orientd.planner.timing.axes import Axes
+from orientd.planner.timing.axis_ways import quickest_of
 from orientd.planner.timing.even import evenly_made, evenly_paced
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import SAME, Knots
@@ -248,10 +250,13 @@ def _certified(made: _Made, name: str) -> Motion:
     is_fixed = job.request.times is not None or job.request.total is not None
     for _ in range(1, _MOST_TIMINGS):
         try:
-            return job.certified(whole, name)
+            return _motion(job, whole, name)
         except LimitError as error:
             over = error.value / error.limit
             is_in_lead = error.is_in_lead_in or error.time > whole.times[-1]
+            if job.request.is_single and isinstance(made.core, KeyframePath):
+                # All of it leads to the keyframe, but has a timing of its own.
+                is_in_lead = False
             is_rising = error.unit == UNITS["velocity"]
             # A velocity that still rises stops rising sooner with all of the limits, if at all.
             is_late = over > _FAR_OVER or (is_rising and share == WITHOUT_RESERVE)
@@ -272,7 +277,19 @@ def _certified(made: _Made, name: str) -> Motion:
             else:
                 share *= _BELOW_IN_LEADS / over
         whole = job.with_leads(attempt.make(limits), share)
-    return job.certified(whole, name)
+    return _motion(job, whole, name)
+
+
+def _motion(job: PlanJob, whole: KeyframePath, name: str) -> Motion:
+    """Return the motion along a path from rest to rest, checked against its limits.
+
+    Raises:
+        LimitError: it breaks one.
+    """
+    motion = certified(
+        whole, job.request, job.start, job.own, job.period, motion_id=name, axes=job.axes
+    )
+    return motion.noted(*job.notes, *whole.notes)
 
 
 def _attempts(job: PlanJob, *, is_again: bool) -> list[list[_Attempt]]:
@@ -357,18 +374,17 @@ def _to_single(job: PlanJob) -> _Attempt:
 
 def _is_for_axes(job: PlanJob) -> bool:
     """Return whether a way to a single keyframe is timed for the axes; an even pace is not."""
-    return job.axes is not None and not job.is_even
+    return job.axes is not None and not (job.is_even and not job.axes.goal)
 
 
 def _turn(job: PlanJob, target: State, limits: Limits) -> KeyframePath | State:
     """Return the turn to a single keyframe, from rest to rest about one axis."""
     total, held, here = job.request.total, PositionPath.held(target.position), job.start.q
-    is_there = bool(np.linalg.norm(target.position - job.start.position) <= SAME_PLACE)
-    if angle(here, target.q) <= SAME_PLACE and is_there:
+    if job.is_there(job.start, target):
         return target
     if _is_for_axes(job):
-        straight, _ = job.straight(job.start, target)
-        cycles = math.ceil(straight.duration / job.period - _ROUNDING)
+        straight, _ = job.within(limits).straight(job.start, target, has_shape=False)
+        cycles = max(math.ceil(straight.duration / job.period - _ROUNDING), 1)
         straight = straight.lasting(cycles * job.period if total is None else total)
         return replace(straight, times=straight.times[-1:])
     turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False)
@@ -393,10 +409,10 @@ def _along_curve(job: PlanJob, stops: list[_Attempt]) -> list[list[_Attempt]]:
     if rests:
         path = replace(path, notes=(*path.notes, _rests_noted(job, path, rests)))
     # Where the axes do not follow the curve, they may follow single moves.
-    axes = cache(partial(job.axes_along, path))
+    ways = cache(partial(job.ways_along, path))
 
     def make(limits: Limits) -> KeyframePath:
-        quick = quickest(path, limits, job.period, has_rests=True, axes=axes())
+        quick, _ = quickest_of(ways(), limits, job.period)
         return quick if total is None else quick.lasting(total)
 
     quick = _Attempt(_QUICKEST, make, job)

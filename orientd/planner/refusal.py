@@ -200,9 +200,21 @@ def between(request: MotionRequest, times: Floats, time: float) -> str:
         times: path times of the keyframes, s.
         time: of the path, s.
     """
+    if len(times) == 1:
+        return f"on the way to {request.named(0)}"
     index = int(np.searchsorted(times, time, side="right")) - 1
     index = max(min(index, len(times) - 2), 0)
     return f"between {request.named(index)} and {request.named(index + 1)}"
+
+
+def stopping_first(error: PlanError) -> PlanError:
+    """Return the refusal of a motion of a moving device that may be possible from rest."""
+    advice = "stop first: from rest the axes may turn there in another way"
+    if not isinstance(error, LimitError):
+        return PlanError(f"{error}; {advice}")
+    return LimitError(
+        error.quantity, error.value, error.limit, error.time, error.unit, advice, kind=error.kind
+    )
 
 
 def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:

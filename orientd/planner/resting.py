@@ -110,7 +110,8 @@ def moves(job: PlanJob) -> KeyframePath:
             leg = _lasting(leg, one, time)
         legs.append(leg)
     times = np.cumsum([0.0, *(leg.duration for leg in legs)])
-    path = KeyframePath.joined(legs, times, (STOPS,) if len(states) > 2 else ())
+    of_legs = tuple(note for leg in legs for note in leg.notes)
+    path = KeyframePath.joined(legs, times, ((STOPS,) if len(states) > 2 else ()) + of_legs)
     refusal.check_duration(path.duration)
     return path if request.total is None else path.lasting(request.total)
 
@@ -152,10 +153,12 @@ def compared(job: PlanJob, motion: Motion) -> Motion:
 def swing(job: PlanJob, path: KeyframePath | State) -> float:
     """Return how much further than the short way a part between moving ends turns, rad.
 
+    Only a path with a moving end turns further, and one past a pole of two axes, with their roll.
     It is zero if that is little, or if the request chooses the way.  It does not count a stop next
     to a moving end and the turn back from there.
     """
-    if isinstance(path, State) or not any(job.ends.moves):
+    gives_roll = job.axes is not None and job.axes.gives_roll and not job.request.is_single
+    if isinstance(path, State) or not (any(job.ends.moves) or gives_roll):
         return 0.0
     request, short = job.request, turn_lengths(job.request)
     is_chosen = is_pair(METHODS[request.method]) and bool(request.options)
@@ -252,7 +255,7 @@ def _connector(
     lead = job.connected(begin, end, least=least, near=near)
     trajectory = Trajectory.joined(lead.parts)
     times = np.array([0.0, trajectory.duration])
-    return KeyframePath(trajectory, lead.positions, times), lead.joints
+    return KeyframePath(trajectory, lead.positions, times, slews=lead.slews), lead.joints
 
 
 def _connectors(

@@ -42,6 +42,7 @@ import numpy as np
 from orientd import kernels
 from orientd.driver import AxisLimits, Joints
 from orientd.errors import LimitKind, PlanError
+from orientd.mechanism.figure import Figure
 from orientd.mechanism.joint_path import KINDS, AxisPeak
 from orientd.model.limits import ANGULAR, Limits
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, law
@@ -67,12 +68,14 @@ class AxisRecords(NamedTuple):
         rates: velocities, rad/s, same shape.
         earlier: angles at the three records before, oldest first, rad, shape ``(3, axes)``.
         limits: of every axis.
+        figures: about the way that the axes take.
     """
 
     joints: Floats
     rates: Floats
     earlier: Floats
     limits: Sequence[AxisLimits]
+    figures: tuple[Figure, ...] = ()
 
     @property
     def first(self) -> Joints:

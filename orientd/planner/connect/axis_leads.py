@@ -22,6 +22,7 @@ from orientd.planner.connect.connector import hold
 from orientd.planner.connect.leads import Lead
 from orientd.planner.path import end_states
 from orientd.planner.timing.axes import Axes
+from orientd.planner.timing.even import excess
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.profiles import quickest
 from orientd.rotation import Floats
@@ -88,10 +89,15 @@ def _followed(
     if not lead.parts:
         return replace(lead, joints=near)
     whole = Trajectory.joined(lead.parts)
-    path = KeyframePath(whole, lead.positions, np.array([0.0, whole.duration]))
+    asked = KeyframePath(whole, lead.positions, np.array([0.0, whole.duration]))
+    path = axes.made(asked, lambda: near)
     along = axes.along(path, near, limits, period, _SHARE, _RISE)
-    own, (begins_at_rest, ends_at_rest) = replace(lead, joints=along.end), path.held_ends(limits)
+    own = replace(lead, parts=(path.trajectory,), joints=along.end)
+    begins_at_rest, ends_at_rest = path.held_ends(limits)
     can_follow = along.excess(period) <= 1.0
+    if path is not asked:
+        # The tool turns further than asked, by the roll that the axes give it.
+        can_follow = can_follow and excess(path, limits, period) <= 1.0
     if can_follow and is_quickest:
         return own
     if not (begins_at_rest or ends_at_rest):
@@ -102,7 +108,7 @@ def _followed(
             "the axes cannot follow the tool from one velocity to another; stop first, or ask for "
             "a lower one"
         )
-    finer = replace(whole, knots=_finer(whole.knots, _ELEMENT * period))
+    finer = replace(path.trajectory, knots=_finer(path.trajectory.knots, _ELEMENT * period))
     try:
         timed = quickest(replace(path, trajectory=finer), limits, period, axes=along)
     except PlanError:

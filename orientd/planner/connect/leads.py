@@ -20,6 +20,7 @@ from orientd.curves.quintic import QUINTIC, UNIT_ACCELERATION, UNIT_JERK, UNIT_V
 from orientd.curves.trajectory import Trajectory
 from orientd.driver import Joints
 from orientd.errors import PlanError
+from orientd.mechanism.way import Slew
 from orientd.model.limits import Limits, is_still
 from orientd.planner.connect.connector import FACTORS, connector, hold, join, stop
 from orientd.planner.connect.position_stop import check_lead, position_lead
@@ -54,12 +55,14 @@ class Lead:
         cycles: their duration in periods.
         positions: the position during that time.
         joints: axis angles at its end, rad, if the timing regards them.
+        slews: sections in which the axes of a gimbal turn evenly.
     """
 
     parts: tuple[Trajectory, ...]
     cycles: int
     positions: PositionPath
     joints: Joints = ()
+    slews: tuple[Slew, ...] = ()
 
 
 def lead_in(
@@ -207,13 +210,12 @@ def from_rest(
 def straight(start: State, end: State) -> KeyframePath:
     """Return the turn about one axis and along a straight line between two states, not yet timed.
 
-    Raises:
-        ValueError: both states are at the same place.
+    It is a rest of 1 s if both are at the same place.
     """
     turn, move = float(angle(start.q, end.q)), end.position - start.position
     span = max(turn, float(np.linalg.norm(move)))
     if span <= SAME_PLACE:
-        raise ValueError("a straight path needs two places")
+        span = 1.0
     trajectory = hold(start.q, span)
     if turn > SAME_PLACE:
         axis, is_shorter = _axis_between(start.q.tolist(), end.q.tolist())

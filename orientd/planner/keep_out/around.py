@@ -16,7 +16,7 @@ import numpy as np
 from orientd.curves import METHODS, Trajectory
 from orientd.errors import PlanError
 from orientd.model.request import Keyframe, MotionRequest
-from orientd.planner.job import certified
+from orientd.planner.certifying import certified
 from orientd.planner.keep_out.clearance import Cones
 from orientd.planner.keep_out.corners import (
     own,

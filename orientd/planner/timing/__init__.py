@@ -1,5 +1,5 @@
 """Timing of a path: times for keyframes, and the fastest profile within the limits.
 
-Other packages import from ``axes``, ``axis_turn``, ``even``, ``keyframe_path``, ``knots``
-and ``profiles``.
+Other packages import from ``axes``, ``axis_turn``, ``axis_ways``, ``even``, ``keyframe_path``,
+``knots`` and ``profiles``.
 """

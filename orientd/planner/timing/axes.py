@@ -21,7 +21,10 @@ import numpy as np
 from orientd.curves.quintic import quintics
 from orientd.driver import AxisLimits, Joints
 from orientd.mechanism import Gimbal, Mechanism
-from orientd.mechanism.routing import check_way, joints_along
+from orientd.mechanism.poles import made_by_two, rounding, turn_in, with_poles
+from orientd.mechanism.routing import at_time, check_way, joints_along, made
+from orientd.mechanism.turning import turned_along
+from orientd.mechanism.way import Slew
 from orientd.model.limits import Limits
 from orientd.planner.certify.measuring import AxisRecords
 from orientd.planner.path import Path, RecordedPath
@@ -54,7 +57,7 @@ _EXACT = 1e-2
 """Largest change of an acceleration when the samples double, as a share of its limit."""
 
 _NO_WAY = 1e-9  # rad and m, between two knots
-_ROUNDING = 1e-15  # rad, of an angle, which differences of near samples enlarge
+_SAME_TIME = 1e-9  # s
 _NEAR = 1e-3
 """Distance of the poses on both sides of a record that give the axis velocities there, periods."""
 
@@ -63,7 +66,8 @@ _COEFFICIENTS = 6  # of a quintic
 _PLACES = np.linspace(0.0, 1.0, 5)  # in a piece
 
 
-def _on_the_way(_: float) -> str:
+def on_the_way(_: float) -> str:
+    """Return where a path is, if nothing more is known."""
     return "on the way to a keyframe"
 
 
@@ -131,6 +135,7 @@ class Axes:
         rates: planned velocities there, rad/s.
         is_recorded: whether the records of the motion have them; otherwise the timing alone regards
             them.
+        goal: the angles to which all axes turn together, rad; by default they follow the path.
     """
 
     mechanism: Mechanism
@@ -138,14 +143,34 @@ class Axes:
     before: Sequence[Joints] = ()
     rates: Joints = ()
     is_recorded: bool = True
+    goal: Joints = ()
 
-    def recorded(self, path: Path, count: int, period: float) -> tuple[RecordedPath, AxisRecords]:
+    @property
+    def gives_roll(self) -> bool:
+        """Whether they are two of a gimbal, which give the tool another roll than its path."""
+        return isinstance(self.mechanism, Gimbal) and len(self.mechanism.axes) == 2
+
+    @property
+    def is_at_goal(self) -> bool:
+        """Whether they are at the angles to which all of them turn, if there are any."""
+        return not self.goal or math.dist(self.joints, self.goal) <= _NO_WAY
+
+    def recorded(
+        self,
+        path: Path,
+        count: int,
+        period: float,
+        missed: float = 0.0,
+        slews: Sequence[Slew] = (),
+    ) -> tuple[RecordedPath, AxisRecords]:
         """Return the records of a path, and the angles and velocities of the axes there.
 
         Args:
             path: from the beginning of the motion to rest.
             count: number of its records.
             period: between them, s.
+            missed: largest angle by which it deviates from the requested path, rad.
+            slews: of the path, in order.
 
         Raises:
             LimitError: an axis leaves its range.
@@ -156,7 +181,7 @@ class Axes:
         around = np.clip(times[:, None] + near, 0.0, path.duration)
         beside = around.ravel()
         samples = path.sample(beside)
-        every = joints_along(self.mechanism, beside, samples.q, samples.position, self.joints)
+        every = self._angles(slews, beside, samples.q, samples.position, self.joints)
         before, joints, after = every.reshape(count, len(near), -1).swapaxes(0, 1)
         joints = np.ascontiguousarray(joints)
         check_way(self.mechanism, joints, times)
@@ -168,9 +193,26 @@ class Axes:
             rates[0] = self.rates or 0.0
         earlier = np.array(self.before) if is_moving else None
         q = np.ascontiguousarray(samples.q.reshape(count, len(near), 4)[:, 1])
+        q, figures = made(self.mechanism, joints, q, period, missed)
         found_path = RecordedPath.of(q, times, path, period, joints, earlier, rates=rates)
-        records = AxisRecords(joints, rates, found_path.earlier, self.mechanism.axes)
+        records = AxisRecords(joints, rates, found_path.earlier, self.mechanism.axes, figures)
         return found_path, records
+
+    def made(self, path: KeyframePath, near: Callable[[], Joints]) -> KeyframePath:
+        """Return the path that the axes make: two of a gimbal give it another roll.
+
+        Args:
+            path: as requested.
+            near: returns the angles at its start, about, rad.
+
+        Raises:
+            LimitError: they leave more roll than the gimbal allows.
+            PlanError: an axis would jump.
+        """
+        gimbal = self.mechanism
+        if isinstance(gimbal, Gimbal) and self.gives_roll:
+            return path.made_as(made_by_two(gimbal, path.way, near()))
+        return path
 
     def along(
         self,
@@ -180,7 +222,7 @@ class Axes:
         period: float,
         share: float = SHARE,
         rise: float = RISE,
-        place: Callable[[float], str] = _on_the_way,
+        place: Callable[[float], str] = on_the_way,
     ) -> AxisPath:
         """Return the angles along a path, sampled until their accelerations do not change any more.
 
@@ -197,7 +239,7 @@ class Axes:
             PlanError: the axes cannot go along it, at whatever pace.
         """
         breaks, pieces = [], []
-        for span in pairwise(_knots(path, period)):
+        for span in pairwise(with_poles(self.mechanism, path.trajectory, _knots(path, period))):
             grid, joints, first, second = self._sampled(path, span, near, tool, period, place)
             near = tuple(joints[-1].tolist())
             breaks.append(grid[:-1])
@@ -209,6 +251,40 @@ class Axes:
             _limits(self.mechanism.axes, share, rise * period),
             near,
         )
+
+    def _angles(
+        self,
+        slews: Sequence[Slew],
+        times: Floats,
+        q: Floats,
+        position: Floats,
+        near: Joints,
+        place: Callable[[float], str] = at_time,
+    ) -> Floats:
+        """Return the angles along a path, as from :func:`.joints_along`, and in its slews, rad."""
+        mechanism, found, done = self.mechanism, list[Floats](), 0
+        in_slews = [
+            (
+                slew,
+                *np.searchsorted(times, [slew.begin - _SAME_TIME, slew.end + _SAME_TIME]).tolist(),
+            )
+            for slew in (slews if isinstance(mechanism, Gimbal) else ())
+        ]
+        for slew, first, last in [*in_slews, (None, len(times), len(times))]:
+            if first > done:
+                part = slice(done, first)
+                last_of_part = slew.here if slew is not None and last > first else ()
+                found.append(
+                    joints_along(
+                        mechanism, times[part], q[part], position[part], near, place, last_of_part
+                    )
+                )
+                done = first
+            if slew is not None and last > done and isinstance(mechanism, Gimbal):
+                before = tuple(found[-1][-1].tolist()) if found else near
+                found.append(turned_along(mechanism, slew, before, q[done:last]))
+                done, near = last, slew.there
+        return np.concatenate(found)
 
     def _sampled(
         self,
@@ -222,17 +298,13 @@ class Axes:
         """Return path times, angles and their two derivatives in an interval between two knots."""
         mechanism, before = self.mechanism, None
         most = np.array([(axis.velocity, axis.acceleration) for axis in mechanism.axes])
-        rates = path.trajectory.sample(np.linspace(*span, _FEWEST))[1]
-        turn = float(np.linalg.norm(rates, axis=1).max()) * (span[1] - span[0])
-        count = fewest = max(_FEWEST, math.ceil(turn / _COARSE))
+        count = fewest = max(_FEWEST, math.ceil(turn_in(path.trajectory, span) / _COARSE))
         while True:
             grid = np.linspace(*span, count + 1)
             h = float(grid[1] - grid[0])
             q, position = path.trajectory.orientations(grid), path.positions.sample(grid)[0]
-            joints = joints_along(mechanism, grid, q, position, near, place)
-            if not isinstance(mechanism, Gimbal):
-                # The axes of a gimbal may also go along it on other turns.
-                check_way(mechanism, joints, grid, place, is_dense=count >= _DENSE * fewest)
+            joints = self._angles(path.slews, grid, q, position, near, place)
+            check_way(mechanism, joints, grid, place, is_dense=count >= _DENSE * fewest)
             first, second = _derivatives(joints, h)
             if before is not None:
                 pace = _most_square(path, grid, (first, second), most, tool)
@@ -240,7 +312,8 @@ class Axes:
                 pace = np.minimum(pace, (path.duration / period) ** 2)
                 with np.errstate(invalid="ignore"):
                     off = np.abs(second[::2] - before) * pace[::2, None] / most[:, 1]
-                blurred = _ROUNDING / h**2 * np.nanmax(pace) > _EXACT * most[:, 1].min()
+                blur = rounding(mechanism, q) / h**2 * np.nanmax(pace)
+                blurred = blur > _EXACT * most[:, 1].min()
                 if not np.nanmax(off) > _EXACT or blurred or count >= _MOST * fewest:
                     return grid, joints, first, second
             before, count = second, 2 * count
@@ -282,14 +355,11 @@ def _most_square(
 
 
 def _limits(axes: Sequence[AxisLimits], share: float, rise: float) -> Floats:
-    """Return the limits of a timing in which an acceleration takes *rise* seconds to come."""
-    return np.array(
-        [
-            [VELOCITY_SHARE * axis.velocity for axis in axes],
-            [share * axis.acceleration for axis in axes],
-            [share * min(axis.jerk, axis.acceleration / rise) for axis in axes],
-        ]
-    )
+    """Return the limits of a timing in which velocity and acceleration take *rise* s to come."""
+    forces = [min(axis.acceleration, axis.velocity / rise) for axis in axes]
+    jerks = [min(axis.jerk, force / rise) for axis, force in zip(axes, forces, strict=True)]
+    velocities = [VELOCITY_SHARE * axis.velocity for axis in axes]
+    return np.array([velocities, share * np.array(forces), share * np.array(jerks)])
 
 
 @cache

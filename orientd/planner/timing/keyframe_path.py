@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Self
 
 import numpy as np
 
 from orientd.curves.trajectory import Trajectory
+from orientd.mechanism.way import Slew, Way
 from orientd.model.limits import STILL, Limits, is_still
 from orientd.planner import refusal
 from orientd.planner.path import PositionPath, end_states
@@ -28,12 +30,16 @@ class KeyframePath:
         positions: the position.
         times: of all keyframes of the request, s.
         notes: notes for the certificate.
+        missed: largest angle by which it deviates from the requested path, rad.
+        slews: in order.
     """
 
     trajectory: Trajectory
     positions: PositionPath
     times: Floats
     notes: tuple[str, ...] = ()
+    missed: float = 0.0
+    slews: tuple[Slew, ...] = ()
 
     @classmethod
     def joined(
@@ -52,7 +58,11 @@ class KeyframePath:
         for part, begin in zip(parts[1:], begins[1:], strict=True):
             positions = part.positions.delayed(begin).after(positions)
         laid = [part.trajectory.shifted(at) for part, at in zip(parts, begins, strict=True)]
-        return KeyframePath(Trajectory.joined(laid), positions, times, notes)
+        missed, slews = max(part.missed for part in parts), list[Slew]()
+        for part, begin in zip(parts, begins, strict=True):
+            slews += [one.moved(partial(np.add, begin)) for one in part.slews]
+        whole = Trajectory.joined(laid)
+        return KeyframePath(whole, positions, times, notes, missed, tuple(slews))
 
     @property
     def duration(self) -> float:
@@ -84,6 +94,22 @@ class KeyframePath:
         first, last = (is_still(*rates, limits) for rates in zip(omega, alpha, strict=True))
         return first, last
 
+    @property
+    def way(self) -> Way:
+        """The orientations, and the times of the keyframes."""
+        return Way(self.trajectory, self.times)
+
+    def made_as(self, way: Way) -> Self:
+        """Return the same path as the axes of a gimbal make it."""
+        return replace(
+            self,
+            trajectory=way.trajectory,
+            times=way.times,
+            notes=(*self.notes, *way.notes),
+            missed=max(self.missed, way.missed),
+            slews=(*self.slews, *way.slews),
+        )
+
     def slowed(self, duration: float) -> Self:
         """Return the same path with a duration of *duration* seconds."""
         factor, positions = duration / self.duration, self.positions
@@ -92,6 +118,7 @@ class KeyframePath:
             trajectory=self.trajectory.slowed(duration),
             positions=positions if positions.is_held else positions.slowed(factor),
             times=self.times * factor,
+            slews=tuple(one.moved(partial(np.multiply, factor)) for one in self.slews),
         )
 
     def since(self, time: float) -> KeyframePath:
@@ -101,6 +128,8 @@ class KeyframePath:
             self.positions.since(time).delayed(-time),
             self.times - time,
             self.notes,
+            self.missed,
+            tuple(one.moved(partial(np.add, -time)) for one in self.slews),
         )
 
     def lasting(self, total: float) -> Self:

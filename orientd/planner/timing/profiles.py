@@ -37,6 +37,7 @@ _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration an
 _SHARES, _AIMS, _PLACES, _TIMES, _ROWS = 1, 4, 7, 10, 11
 _MOST_ABOVE = 1.0005  # share of a velocity that the tolerance of a certificate has room for
 _PART = 7  # numbers of a part
+_SAME_TIME = 1e-9  # s
 
 
 def aimed_at(limits: Limits, turn: float = 0.0) -> Limits:
@@ -241,7 +242,12 @@ def retimed(path: KeyframePath, profile: Profile) -> QuickPath:
     times = clock.times_of(path.times - begin)
     # Corners are where parts meet, at rest.
     smooth = replace(clock.retimed(trajectory), continuity=2)
-    return QuickPath(smooth, positions, times, path.notes, profile)
+    slews = tuple(
+        one.moved(lambda at: clock.times_of(at - begin))
+        for one in path.slews
+        if begin - _SAME_TIME < one.begin and one.end < end + _SAME_TIME
+    )
+    return QuickPath(smooth, positions, times, path.notes, path.missed, slews, profile)
 
 
 def _at_limits(quick: QuickPath) -> QuickPath:

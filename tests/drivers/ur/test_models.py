@@ -13,7 +13,6 @@ from emulated_ur.arm.transforms import from_pose, inverse
 from emulated_ur.arm.transforms import multiply as times
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
-from orientd.mechanism.joint_path import axis_peaks, refuse_rates
 from orientd.mechanism.routing import check_way, joints_along
 from orientd_ur.arm import MODELS as ARMS
 from orientd_ur.primary import ask
@@ -54,6 +53,16 @@ def follows(model, joints, tcp_offset, times_s, path):
     return max(worst, np.max(np.abs(speeds) / model.speeds), np.max(np.abs(changes)))
 
 
+def too_fast(joints, period, axes):
+    """The first axis that its limits of velocity and acceleration do not allow, or nothing."""
+    for order, name in ((1, "velocity"), (2, "acceleration")):
+        most = np.abs(np.diff(joints, order, axis=0)).max(axis=0) / period**order
+        for value, axis in zip(most, axes, strict=True):
+            if value > 1.001 * getattr(axis, name):
+                return f"{name} of {axis.name}"
+    return ""
+
+
 def decisions(robot, model, count):
     """For each of some random turns whether the driver takes it, and how hard it is."""
     driver, place = unopened(robot.host, rate_hz=125), whereabouts(robot.host)
@@ -66,8 +75,7 @@ def decisions(robot, model, count):
             arm = driver.mechanism(may_ask=True)
             joints = joints_along(arm, np.array(times_s), q, position, place.joints)
             check_way(arm, joints, np.array(times_s))
-            refuse_rates(axis_peaks(joints, times_s[1], arm.axes, np.empty((0, 6))), "")
-            refusal = ""
+            refusal = too_fast(joints, times_s[1], arm.axes)
         except PlanError as error:
             refusal = str(error)
         yield worst, refusal

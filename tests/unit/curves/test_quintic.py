@@ -8,7 +8,6 @@ from orientd.curves.quintic import (
     UNIT_JERK,
     UNIT_VELOCITY,
     quintics,
-    smooth_ramp,
     smooth_step,
 )
 
@@ -42,9 +41,3 @@ def test_a_smooth_step_rises_from_rest_to_rest_with_the_peaks_that_are_named():
     assert smooth_step(np.array([-1.0, 2.0])) == pytest.approx([0.0, 1.0], abs=1e-15)
     for order, peak in enumerate((UNIT_VELOCITY, UNIT_ACCELERATION, UNIT_JERK), 1):
         assert np.max(np.abs(np.diff(step, order))) * 1e4**order == pytest.approx(peak, rel=1e-3)
-
-
-def test_a_smooth_ramp_is_the_integral_of_the_step():
-    u = np.linspace(-0.5, 1.5, 2001)
-    mean = 0.5 * (smooth_step(u[1:]) + smooth_step(u[:-1]))
-    assert np.diff(smooth_ramp(u)) == pytest.approx(mean * np.diff(u), abs=1e-9)

@@ -12,7 +12,6 @@ from orientd import motion_file, rotation
 from orientd.daemon.device import queue
 from orientd.errors import Fault, PlanError
 from orientd.planner import DevicePlanner, Keyframe, MotionRequest, State
-from orientd.planner.fitting import Fitting
 from orientd.stream.records import Command, ServoState
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -78,27 +77,15 @@ def test_no_axis_hurries_for_a_path_that_all_but_meets_the_pole(miss):
             assert np.linalg.norm(turned - np.outer(turned @ axis, axis), axis=1).max() < 2e-4
 
 
-def test_a_pause_keeps_the_tools_limit_where_a_slew_changes_the_acceleration_at_each_record(
-    monkeypatch,
-):
-    # A pace that suits the axes is quicker here, and has no slew.
-    monkeypatch.setattr(Fitting, "_paced", lambda *_: None)
-    rates = ((143.0, 1148.5), (100.6, 1022.8), (116.9, 1162.9))
-    axes = [
-        {**axis, "velocity_deg": velocity, "acceleration_deg": acceleration}
-        for axis, (velocity, acceleration) in zip(AXES, rates, strict=True)
+def test_a_pause_keeps_the_tools_limit_during_a_slew():
+    keyframes = [
+        Keyframe(tuple(rotation.exp([0.0, 0.0, np.deg2rad(turn)]).tolist()))
+        for turn in np.linspace(0, 300, 7)
     ]
-    q = rotation.normalize(
-        [
-            [0.749639, 0.661033, 0.021698, 0.024607],
-            [0.759308, 0.626028, 0.10222, -0.145226],
-            [0.761097, 0.648289, -0.018837, -0.009899],
-        ]
-    )
-    options = {"order": "ZXY", "axes": axes, "max_deviation_deg": 3.0, "allow_slews": True}
-    request = MotionRequest([Keyframe(tuple(key)) for key in q.tolist()], approach=True)
-    ride = AxisRide(*plan_for(request, (0.0656266, 1.4453386, 0.0), **options))
-    for record in range(170, 200, 3):
+    request = MotionRequest(keyframes, approach=True)
+    ride = AxisRide(*plan_for(request, allow_slews=True))
+    (loss,) = ride.motion.certificate.losses
+    for record in range(round(loss.start / PERIOD), round(loss.end / PERIOD), 40):
         ride.go_to(record)
         assert ride.set_speed(0.0)
         ride.come_to_rest()
@@ -164,7 +151,8 @@ def test_another_speed_keeps_the_tools_limit_where_the_axes_bend_the_path_betwee
     while planned is None or not 40 < planned[0].record_count < 4000:
         planned = random_pass(random)
     ride = AxisRide(*planned)
-    for record in range(179, 199, 2):
+    near = int(np.argmax(np.abs(np.diff(ride.joints, 2, axis=0)).max(axis=1)))
+    for record in range(max(near - 10, 3), near + 10, 2):
         for what in (HALF, PAUSE):
             # The guard would make a fault of the tool's acceleration.
             assert_keeps(ride, record, what)
@@ -189,7 +177,7 @@ def test_no_axis_of_random_gimbals_exceeds_its_limits():
             assert_keeps(ride, record, (STOP, PAUSE, HALF, RANDOM, KILLED)[k % 5], random)
 
 
-@pytest.mark.parametrize("miss", [1, 2])
+@pytest.mark.parametrize("miss", [2, 5])
 def test_a_change_of_speed_that_counts_no_axes_is_a_stop_off_the_path_and_a_fault(miss):
     motion, settings = plan_for(motion_file.parse(over_the_top(miss)))
     blind = queue.servo_limits_of(motion.facts.limits, 20.0)

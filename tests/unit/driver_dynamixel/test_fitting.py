@@ -55,7 +55,8 @@ def test_path_without_times_is_slowed_down_for_the_axes_and_says_so():
     motion = fit(over_the_top(5.0))
     assert figure(motion, "pointing error").value < 1e-9
     assert figure(motion, "velocity of yaw").value <= np.deg2rad(220) * 1.001
-    assert "times as long" in motion.certificate.notes[-1]
+    assert figure(motion, "velocity of yaw").value >= np.deg2rad(220) * 0.99
+    assert any("(limit 220.0)" in note for note in motion.certificate.notes)
     assert motion.certificate.peak_velocity.limit == LIMITS.velocity
 
 
@@ -77,15 +78,10 @@ def test_planning_for_the_axes_is_bounded_in_attempts(monkeypatch):
     made = []
     plan = planner.plan
     monkeypatch.setattr(fitting, "plan", lambda *a, **k: made.append(1) or plan(*a, **k))
-    with monkeypatch.context() as without_a_pace:
-        without_a_pace.setattr(Fitting, "_path_times", lambda *_: ())
-        fit(over_the_top(4.0))
-    assert 3 <= len(made) <= 17
-    made.clear()
-    # Tried as quickly as may be, and with a turn by the pole.
-    motion = fit(over_the_top(0.02))
-    assert any("slows down" in note for note in motion.certificate.notes)
-    assert len(made) <= 2 * 17
+    for miss in (4.0, 0.02):
+        made.clear()
+        fit(over_the_top(miss))
+        assert len(made) == 1
 
 
 def turning(degrees, seconds=None):

@@ -9,7 +9,7 @@ from reference.slew_search import least_loss
 
 from orientd.driver import AxisLimits
 from orientd.mechanism.joint_path import ToolLimits
-from orientd.mechanism.routing import route_at_times
+from orientd.mechanism.timed_route import route_at_times
 from orientd.rotation import from_axis_angle, multiply, rotate
 
 PERIOD, SPEED = 0.1, 6.0

@@ -6,9 +6,9 @@ from gimbals import gimbal_of, orientations
 
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError
-from orientd.mechanism.gimbal_route import pointing_error
 from orientd.mechanism.joint_path import ToolLimits
-from orientd.mechanism.routing import route_at_times
+from orientd.mechanism.pointing import pointing_error
+from orientd.mechanism.timed_route import route_at_times
 from orientd.rotation import exp, from_axis_angle, multiply
 
 PERIOD = 0.02

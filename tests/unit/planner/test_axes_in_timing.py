@@ -318,7 +318,7 @@ def test_a_motion_to_where_an_arm_stands_is_planned():
     assert np.ptp(motion.path.joints, axis=0).max() < 1e-9
 
 
-def test_a_gimbal_away_from_its_poles_uses_some_limit_nearly_always_and_says_so():
+def test_a_gimbal_away_from_its_poles_uses_some_limit_nearly_always():
     random, used = np.random.default_rng(7), []
     for _ in range(30):
         axes = [
@@ -334,17 +334,59 @@ def test_a_gimbal_away_from_its_poles_uses_some_limit_nearly_always_and_says_so(
         start = State.at_rest(gimbal.orientation(joints))
         planner = Fitting(gimbal, start, joints, LIMITS["arm"], PERIOD)
         request = MotionRequest(keyframes, approach=True)
-        motion, tool = planner.plan(request), planner.planned(request)
+        motion = planner.plan(request)
+        tool = plan(request, start=start, limits=LIMITS["arm"], period=PERIOD)
         speed, force, _ = rates_of(motion.path.joints, axes)
         assert max(speed.max(), force.max()) <= 1.001
         longer = motion.duration / tool.duration
         assert longer > 0.97
         if longer > 1.05:
-            assert f"the axes need {longer:.3f} times as long" in motion.certificate.notes
             shares = np.maximum(speed[1:].max(1), force.max(1))
             used.append(np.mean(shares > 0.8))
     assert len(used) > 8
     assert np.median(used) > 0.8
+
+
+def pitched(order, joints, jerk=math.inf):
+    """Return a gimbal of equal axes and the planner of a slow tool on it, at rest."""
+    names = ("yaw", "pitch", "roll")[: len(order)]
+    gimbal = Gimbal([AxisLimits(name, -9.0, 9.0, 3.0, 30.0, jerk) for name in names], order=order)
+    start, limits = State.at_rest(gimbal.orientation(joints)), Limits(1.0, 3.0, 40.0, 0.5, 5.0)
+    return gimbal, Fitting(gimbal, start, joints, limits, PERIOD)
+
+
+@pytest.mark.parametrize("pitch", [-1.0, 0.3, 0.8, 1.2])
+def test_two_axes_end_with_the_velocity_that_they_make_of_the_requested_one(pitch):
+    gimbal, planner = pitched("ZY", (0.0, pitch))
+    places = [(0.2, pitch + 0.05), (0.3, pitch + 0.15)]
+    keyframes = [Keyframe(gimbal.orientation(one)) for one in places]
+    request = MotionRequest(keyframes, approach=True, end_velocity=(0.1, 0.1, -0.15))
+    motion = planner.plan(request)
+    (omega,) = motion.sample(motion.keyframe_times[-1:]).omega_body
+    # Of the pointing axis itself; the axes give the tool a roll of their own.
+    assert omega[1:].tolist() == pytest.approx([0.1, -0.15], abs=1e-3)
+    assert motion.duration < 2.0
+
+
+def test_two_axes_rest_rather_than_turn_past_a_pole_evenly_and_end_upside_down():
+    gimbal, planner = pitched("ZY", (0.7, -1.227))
+    places = [(1.037, -0.779), (1.043, -2.198), (0.058, -2.01)]
+    keyframes = [Keyframe(gimbal.orientation(one)) for one in places]
+    motion = planner.plan(MotionRequest(keyframes, approach=True, pace="even"))
+    assert motion.certificate.keyframe_error < 1e-6
+    assert motion.duration < 7.0
+
+
+@pytest.mark.parametrize("way", [0.02, 0.1, 0.2])
+def test_a_lead_in_to_keyframes_with_times_leaves_the_axes_the_jerk_of_their_start(way):
+    gimbal, planner = pitched("ZYX", (0.0, 0.8, 0.0), jerk=400.0)
+    places = [(way, 0.8 + way, way), (way + 0.2, 0.8, way)]
+    keyframes = [Keyframe(gimbal.orientation(one), at) for at, one in enumerate(places)]
+    motion = replace(planner, limits=Limits(2.5, 17.0, 8500.0, 1.0, 10.0)).plan(
+        MotionRequest(keyframes, approach=True)
+    )
+    assert np.ptp(motion.keyframe_times) == pytest.approx(1.0)
+    assert motion.start_time < 0.5
 
 
 def test_a_single_keyframe_at_an_even_pace_is_reached_by_a_quintic():
