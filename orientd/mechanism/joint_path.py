@@ -68,6 +68,11 @@ class ToolLimits(NamedTuple):
     acceleration: float = math.inf
     jerk: float = math.inf
 
+    @classmethod
+    def of(cls, numbers: Sequence[float]) -> ToolLimits:
+        """Return the angular rates that keep limits about any axis; see :meth:`.Limits.numbers`."""
+        return cls(min(numbers[:4]), min(numbers[4:8]), min(numbers[8:12]))
+
     def excess(self, q: Floats, period: float) -> float:
         """Return the least factor by which orientations must take longer to keep the limits.
 

@@ -80,7 +80,7 @@ class Fitting:
             RequestError: its method or the device does not allow the request.
             PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
         """
-        if not self.joints and not self._keeps_times(request):
+        if not self.joints and not self._leaves_path(request):
             return self._from_any_turn(request)
         axes = self._axes
         if request.device_options.get("home") and request.is_single:
@@ -109,7 +109,7 @@ class Fitting:
         except PlanError as error:
             refusal = error
         # Times of the user leave the lead-in alone to the timing.
-        if request.times is None or (motion.start_time > 0.0 and not self._keeps_times(request)):
+        if request.times is None or (motion.start_time > 0.0 and not self._leaves_path(request)):
             with suppress(PlanError):
                 return self._timed(request, axes)
         if self.start.is_at_rest:
@@ -181,7 +181,7 @@ class Fitting:
                 return self._pointing(with_axes(motion, axes, deviation))
             except PlanError as error:
                 refusal = refusal or error
-        if refusal is not None and not self._keeps_times(motion.request):
+        if refusal is not None and not self._leaves_path(motion.request):
             if motion.request.times is not None and isinstance(motion.path, Path):
                 check_leaving(self.gimbal, motion.path.trajectory, axes.joints)
             raise refusal
@@ -193,7 +193,7 @@ class Fitting:
             (motion.start_time, motion.end_time),
             joints=self.joints,
             before=self.before,
-            tool=_tool(motion.limits),
+            tool=ToolLimits.of(motion.limits.numbers()),
             keep_out=self.keep_out,
         )
         return self._pointing(
@@ -202,7 +202,7 @@ class Fitting:
             )
         )
 
-    def _keeps_times(self, request: MotionRequest) -> bool:
+    def _leaves_path(self, request: MotionRequest) -> bool:
         """Return whether the axes leave the path rather than let it wait for them."""
         return request.times is not None and self.gimbal.allow_slews
 
@@ -226,9 +226,3 @@ class Fitting:
                 "keyframes, or one after the other"
             )
         return replace(motion, certificate=replace(motion.certificate, keyframe_error=error))
-
-
-def _tool(limits: Limits) -> ToolLimits:
-    """Return the angular rates that keep *limits* about any axis."""
-    numbers = limits.numbers()
-    return ToolLimits(min(numbers[:4]), min(numbers[4:8]), min(numbers[8:12]))

@@ -253,6 +253,16 @@ class ServoLimits:
         return cls(*fields)
 
 
+def records_to_stop(brake_rate: float, period: float) -> int:
+    """Return how many path records a stop from any rate may still use.
+
+    Args:
+        brake_rate: of the motion, 1/s.
+        period: of the cycles, s.
+    """
+    return math.ceil(1.0 / (brake_rate * period)) + 2
+
+
 class Stop(NamedTuple):
     """A stop that the servo received on its own socket.
 

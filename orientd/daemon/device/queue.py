@@ -21,7 +21,6 @@ from orientd.daemon.device.servo_process import ServoProcess
 from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
 from orientd.model.limits import Limits
 from orientd.planner.facts import MotionFacts
-from orientd.servo.path.time_scaling import records_to_stop
 from orientd.stream.records import (
     MOVING,
     TAIL_WORD,
@@ -30,6 +29,7 @@ from orientd.stream.records import (
     Cycle,
     ServoLimits,
     ServoState,
+    records_to_stop,
 )
 
 _SOON = 1.0

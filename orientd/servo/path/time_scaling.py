@@ -9,19 +9,10 @@ has certified that every change of this kind keeps the motion's limits at every 
 
 from __future__ import annotations
 
-from math import ceil, copysign
+from math import copysign
 
 from orientd import kernels
-
-
-def records_to_stop(brake_rate: float, period: float) -> int:
-    """Return how many path records a stop from any rate may still use.
-
-    Args:
-        brake_rate: of the motion, 1/s.
-        period: of the cycles, s.
-    """
-    return ceil(1.0 / (brake_rate * period)) + 2
+from orientd.stream.records import records_to_stop
 
 
 class TimeScaling:

@@ -12,12 +12,10 @@ these is continuous in orientation, angular velocity and angular acceleration.
 
 from __future__ import annotations
 
-from array import array
 from math import cos, sin, sqrt
 from operator import attrgetter
 from typing import NamedTuple
 
-from orientd import kernels
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, cross, difference, dot, exp, multiply, plus
 
@@ -49,26 +47,40 @@ class Knot(NamedTuple):
     acceleration: Vector3 = ZERO
 
 
-_SPAN = array("d", [1.0])
-_NUMBERS = bytes(8 * 18)
-
-
 class Quintic(NamedTuple):
-    """A vector that is zero at ``u = 0``, as a polynomial of degree five.
+    """A vector that is zero at ``u = 0``, as a polynomial without constant term.
 
     Attributes:
-        row: three components of each coefficient.
+        c1, c2, c3, c4, c5: coefficients of the powers of *u*.
     """
 
-    row: array[float]
+    c1: Vector3
+    c2: Vector3
+    c3: Vector3
+    c4: Vector3
+    c5: Vector3
 
     def value(self, u: float) -> Vector3:
         """Return the vector at *u*."""
-        return kernels.quintic_at(self.row, u)[0]
+        (a, b, c), (d, e, f), (g, h, i), (j, k, m), (n, o, p) = self
+        return (
+            u * (a + u * (d + u * (g + u * (j + u * n)))),
+            u * (b + u * (e + u * (h + u * (k + u * o)))),
+            u * (c + u * (f + u * (i + u * (m + u * p)))),
+        )
 
     def derivatives(self, u: float) -> tuple[Vector3, Vector3, Vector3]:
         """Return the first three derivatives by *u*."""
-        return kernels.quintic_at(self.row, u)[1:]
+        c1, c2, c3, c4, c5 = self
+        v = u * u
+        first = plus(combine(c1, 1.0, c2, 2.0 * u), combine(c3, 3.0, c4, 4.0 * u), v)
+        second = combine(c2, 2.0, c3, 6.0 * u)
+        third = combine(c3, 6.0, c4, 24.0 * u)
+        return (
+            plus(first, c5, 5.0 * v * v),
+            plus(second, combine(c4, 12.0, c5, 20.0 * u), v),
+            plus(third, c5, 60.0 * v),
+        )
 
 
 def quintic(
@@ -83,10 +95,19 @@ def quintic(
         arrive: first derivative at 1.
         settle: second derivative at 1.
     """
-    row = array("d", _NUMBERS)
-    ends = array("d", (*ZERO, *way, *leave, *arrive, *bend, *settle))
-    kernels.put_quintics(_SPAN, ends, row)
-    return Quintic(row)
+    rows = [
+        (
+            v,
+            0.5 * b,
+            10.0 * w - 6.0 * v - 4.0 * a - 1.5 * b + 0.5 * s,
+            -15.0 * w + 8.0 * v + 7.0 * a + 1.5 * b - s,
+            6.0 * w - 3.0 * v - 3.0 * a - 0.5 * b + 0.5 * s,
+        )
+        for w, v, b, a, s in zip(way, leave, bend, arrive, settle, strict=True)
+    ]
+    x, y, z = rows
+    c1, c2, c3, c4, c5 = zip(x, y, z, strict=True)
+    return Quintic(c1, c2, c3, c4, c5)
 
 
 def turn_between(here: Knot, there: Knot) -> Quintic:

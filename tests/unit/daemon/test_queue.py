@@ -11,9 +11,8 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import DaemonError, LateError, NotYetError
-from orientd.servo.path.time_scaling import records_to_stop
 from orientd.stream.memory import SharedMemory
-from orientd.stream.records import ServoState
+from orientd.stream.records import ServoState, records_to_stop
 
 PERIOD = 0.002
 
