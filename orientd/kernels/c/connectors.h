@@ -2,7 +2,7 @@
 #ifndef ORIENTD_CONNECTORS_H
 #define ORIENTD_CONNECTORS_H
 
-#include "rotation.h"
+#include "sampling.h"
 
 /* Limits of a connector's velocity, acceleration and jerk: the norm, then the components.  A value
  * without a limit is infinite. */

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "clock.h"
+#include "interpolation.h"
 #include "profile.h"
 #include "timing.h"
 #include "trajectory.h"

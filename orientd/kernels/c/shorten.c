@@ -33,8 +33,22 @@ static bounds_t bounds_of(const motion_t *start, const motion_t *end, matrix_t l
     return bounds;
 }
 
-/* Acceleration at a node. */
-static vec_t acceleration_at(const spline_t *s, int node) {
+void put_given(spline_t *s) {
+    int n = s->elements;
+    double T = s->duration;
+    s->point[0] = s->begin.omega;
+    s->point[1] = scaled_plus(0.5 * T * s->width[0], s->begin.alpha, s->begin.omega);
+    s->point[n] = scaled_plus(-0.5 * T * s->width[n - 1], s->end.alpha, s->end.omega);
+    s->point[n + 1] = s->end.omega;
+}
+
+vec_t velocity_at(const spline_t *s, int node) {
+    double before = node ? s->width[node - 1] : 0.0;
+    double share = before / s->sum[node];
+    return plus(times(1.0 - share, s->point[node]), times(share, s->point[node + 1]));
+}
+
+vec_t acceleration_at(const spline_t *s, int node) {
     if (node == 0)
         return s->begin.alpha;
     if (node == s->elements)
@@ -206,18 +220,4 @@ bool shorten_connector(phases_t *rests, matrix_t limits, double period, double l
             best = s;
     }
     return !best.elements || put_shorter(&best, rests);
-}
-
-index_t connect_states(row_t start, row_t end, matrix_t limits, matrix_t own, double period,
-                       double least, double longest, double most_turn, double more,
-                       row_t breaks, matrix_t pieces) {
-    motion_t begin = state_at(start.v), last = state_at(end.v);
-    phases_t rests;
-    index_t count = 0;
-    if (new_phases(begin, &rests)
-        && by_way_of_rest(&begin, &last, limits, own, period, least, longest, &rests)
-        && shorten_connector(&rests, limits, period, least, most_turn, more))
-        count = put_phases(&rests, breaks, pieces);
-    free_phases(&rests);
-    return count;
 }

@@ -53,12 +53,14 @@ typedef struct {
     rate_t rate[RATES];
 } spline_t;
 
-/* shorten_steps.c */
-
 /* Put the given control points in place for the duration. */
 void put_given(spline_t *spline);
 /* Velocity at a node. */
 vec_t velocity_at(const spline_t *spline, int node);
+/* Acceleration at a node. */
+vec_t acceleration_at(const spline_t *spline, int node);
+
+/* shorten_steps.c */
 
 /* How a spline was shortened: not to one within the limits; until a single limit held it up, or the
  * steps ran out; or as far as the limits together allow. */
@@ -79,6 +81,8 @@ outcome_t shorten(spline_t *spline, double period);
  * more: multiple of acceleration and jerk for another try where the first one gets stuck. */
 bool shorten_connector(phases_t *rests, matrix_t limits, double period, double least,
                        double most_turn, double more);
+
+/* connect.c */
 
 /* Write the trajectory of the shortest way found from one state to another, and return how many
  * pieces it has; 0 if it takes too long.

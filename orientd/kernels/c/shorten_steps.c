@@ -37,21 +37,6 @@ typedef struct {
     double miss[3], turning[FREE][3], turning_by_duration[3];
 } steps_t;
 
-void put_given(spline_t *s) {
-    int n = s->elements;
-    double T = s->duration;
-    s->point[0] = s->begin.omega;
-    s->point[1] = scaled_plus(0.5 * T * s->width[0], s->begin.alpha, s->begin.omega);
-    s->point[n] = scaled_plus(-0.5 * T * s->width[n - 1], s->end.alpha, s->end.omega);
-    s->point[n + 1] = s->end.omega;
-}
-
-vec_t velocity_at(const spline_t *s, int node) {
-    double before = node ? s->width[node - 1] : 0.0;
-    double share = before / s->sum[node];
-    return plus(times(1.0 - share, s->point[node]), times(share, s->point[node + 1]));
-}
-
 static int free_of(const spline_t *s) { return 3 * (s->elements - 2); }
 
 /* Rates in units of their limits, and what limits are used. */
