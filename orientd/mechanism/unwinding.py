@@ -30,7 +30,7 @@ _REST = 0.3
 _TRAVEL = 1e-4
 """Cost of a radian of travel, s."""
 
-_MOST_LINES = 12
+_MOST_LINES = 128
 _TURN = 2.0 * math.pi
 
 

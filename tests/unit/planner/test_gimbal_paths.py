@@ -231,3 +231,15 @@ def test_all_axes_turn_together_to_the_end_of_a_range_at_a_pole():
     motion = planned(gimbal, np.array([gimbal.orientation(goal)]), joints=joints)
     assert any("all axes turn together" in note for note in motion.certificate.notes)
     assert motion.path.joints[-1] == pytest.approx(goal, abs=1e-6)
+
+
+def test_a_long_walk_between_narrow_ranges_is_unwound_wherever_it_leads():
+    """It needs more turns than those next to its start."""
+    rng = np.random.default_rng(3)
+    gimbal = gimbal_of("ZYX", ranges=(172, 172, 172), allow_slews=True)
+    joints = (0.0, 0.3, 0.0)
+    q = [np.array(gimbal.orientation(joints))]
+    for _ in range(41):
+        q.append(multiply(q[-1], exp(rng.normal(size=3) * 0.6)))
+    motion = planned(gimbal, q[1:], joints=joints)
+    assert motion.certificate.keyframe_error < 1e-4
