@@ -34,7 +34,7 @@ KERNEL(certify) {
     CHECK(a[3].m.n ? a[3].m.n >= records && a[3].m.m == columns
                    : pieces > 0 && a[2].m.m == (is_turn ? PIECE : MOVE) && a[1].v.n == pieces + 1);
     CHECK(a[4].m.n <= HISTORY && (a[4].m.m == columns || a[4].m.n == 0));
-    CHECK(a[10].m.n >= 2 && a[10].m.n <= 3 && a[10].m.m == 4 && is_law(a + 14));
+    CHECK(a[10].m.n >= (is_turn ? 3 : 2) && a[10].m.n <= 3 && a[10].m.m == 4 && is_law(a + 14));
     CHECK(a[11].i >= 0 && a[11].i < a[12].i && a[12].i <= 4 && a[17].v.n == EXTREMES);
     setpoints_t from = {is_turn, a[1].v, a[2].m, a[3].m, a[4].m,
                         0, records, a[6].i, a[9].d, a[9].d, {a[7].p, a[8].p}};
