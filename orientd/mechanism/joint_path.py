@@ -25,11 +25,6 @@ _RISE = 5.0
 At a sharper corner the curve between two records would exceed it.
 """
 KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
-UNITS = {
-    LimitKind.VELOCITY: "rad/s",
-    LimitKind.ACCELERATION: "rad/s^2",
-    LimitKind.JERK: "rad/s^3",
-}
 
 
 @dataclass(frozen=True, eq=False)

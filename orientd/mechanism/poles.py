@@ -21,6 +21,7 @@ from orientd.driver import ZERO, Joints
 from orientd.errors import PlanError
 from orientd.mechanism import Gimbal, Mechanism
 from orientd.mechanism.arrays import (
+    AT_POLE,
     joints_at,
     matrices,
     of_arrays,
@@ -32,17 +33,12 @@ from orientd.mechanism.gimbal import LOCK
 from orientd.mechanism.mechanism import inside
 from orientd.mechanism.pointing import pointing_error
 from orientd.mechanism.routing import joints_along, made
-from orientd.mechanism.turning import angles_in_words, turned
+from orientd.mechanism.turning import CLOSE, HOP, angles_in_words, turned
 from orientd.mechanism.way import Slew, Way
 from orientd.rotation import Floats, angle, conjugate, exp, multiply, rotate
 
-_NEAR, _AT, _EXACT = 0.3, 2e-5, 1e-9
-"""Sines of the distance from a pole within which a path passes it, may be shifted through it, and
-leads through it."""
-
-_CLOSE, _HOP = 3e-3, 8e-3
-"""Sine of the distance from a pole within which the axes turn around it, and half of the way that
-the tool goes there meanwhile, rad."""
+_NEAR, _EXACT = 0.3, 1e-9
+"""Sines of the distance from a pole within which a path passes it, and leads through it."""
 
 _WIDTH, _NARROWEST, _LEAST_WIDTH = 3.0, 0.1, 4.0
 """Half of the way of a shift, rad: as a multiple of its root, at least, and as a multiple of it."""
@@ -134,7 +130,7 @@ def _near(path: Trajectory, times: Floats, time: float) -> tuple[float, float]:
     def turned_by(some: Floats) -> Floats:
         return angle(np.repeat(here, len(some), axis=0), path.orientations(some))
 
-    is_away, ends = turned_by(times) >= _HOP, []
+    is_away, ends = turned_by(times) >= HOP, []
     for every, last in (
         (np.flatnonzero(is_away & (times < time))[::-1], 0),
         (np.flatnonzero(is_away & (times > time)), -1),
@@ -145,7 +141,7 @@ def _near(path: Trajectory, times: Floats, time: float) -> tuple[float, float]:
         near, far = time, float(times[every[0]])
         for _ in range(_ZOOMS):
             fine = np.linspace(near, far, _FEWEST + 1)
-            first = max(int(np.argmax(turned_by(fine) >= _HOP)), 1)
+            first = max(int(np.argmax(turned_by(fine) >= HOP)), 1)
             near, far = float(fine[first - 1]), float(fine[first])
         ends.append(far)
     return ends[0], ends[1]
@@ -176,7 +172,7 @@ def with_poles(mechanism: Mechanism, path: Trajectory, knots: Sequence[float]) -
     found, ends = np.array(knots), path.knots[[0, -1]]
     is_smooth = path.continuity >= 2
     for one in _approaches(mechanism, path):
-        if one.sine < _AT:
+        if one.sine < AT_POLE:
             # Straight through it the axes turn evenly, and rounding is large.
             is_far = (found < one.begin) | (found > one.end)
             found = found[is_far | np.isin(found, ends)] if is_smooth else found
@@ -196,7 +192,7 @@ def rounding(mechanism: Mechanism, q: Floats) -> float:
     """Return the rounding of axis angles for orientations, rad; it grows towards a pole."""
     if not isinstance(mechanism, Gimbal):
         return _ROUNDING
-    return _ROUNDING_OF_PATH / max(float(np.min(pole_distances(mechanism, q))), _AT)
+    return _ROUNDING_OF_PATH / max(float(np.min(pole_distances(mechanism, q))), AT_POLE)
 
 
 def passes_pole(mechanism: Mechanism, path: Trajectory) -> bool:
@@ -222,7 +218,7 @@ def around_poles(gimbal: Gimbal, path: Way, near: Joints, deviation: float = 0.0
     """
     found, hops = path, list[tuple[float, float]]()
     farthest = float(np.max(_distances(gimbal, path.trajectory)[1]))
-    if _EXACT < farthest < _CLOSE:
+    if _EXACT < farthest < CLOSE:
         return _rested(gimbal, path, [(0.0, path.duration)], near)
     for one in _approaches(gimbal, path.trajectory):
         if not one.time and _elsewhere(gimbal, path.trajectory, near) > _ELSEWHERE:
@@ -233,16 +229,16 @@ def around_poles(gimbal: Gimbal, path: Way, near: Joints, deviation: float = 0.0
             continue
         shift = math.asin(one.sine)
         width = _width(one, path, shift)
-        is_through = shift <= max(deviation, _AT) and width > 0.0
+        is_through = shift <= max(deviation, AT_POLE) and width > 0.0
         through = found
         if is_through and one.sine > _EXACT:
             through = _shifted(gimbal, found, one, width, shift)
-        if (is_through or one.sine < _AT) and _leads_out(gimbal, through, one, near):
-            if one.sine < _CLOSE:
+        if (is_through or one.sine < AT_POLE) and _leads_out(gimbal, through, one, near):
+            if one.sine < CLOSE:
                 hops.append((one.begin, one.end))
         elif is_through:
             found = through
-        elif _AT < one.sine < _CLOSE and not is_through:
+        elif AT_POLE < one.sine < CLOSE and not is_through:
             inner = path.times[(path.times > one.begin) & (path.times < one.end)].tolist()
             hops += pairwise([one.begin, *inner, one.end])
     return _rested(gimbal, found, hops, near) if hops else found
@@ -298,8 +294,8 @@ def check_leaving(gimbal: Gimbal, path: Trajectory, near: Joints) -> None:
 def _elsewhere(gimbal: Gimbal, path: Trajectory, near: Joints) -> float:
     """Return how far the outer axis is from where a path that begins at a pole leaves it, rad."""
     times, far = _distances(gimbal, path)
-    is_away = far >= _HOP
-    if far[0] > _CLOSE or not is_away.any():
+    is_away = far >= HOP
+    if far[0] > CLOSE or not is_away.any():
         return 0.0
     there = path.orientations(times[[int(np.argmax(is_away))]])
     outer, _ = gimbal.kinematics.pointing(gimbal.kinematics.matrix(row_of(there[0])))
@@ -309,8 +305,8 @@ def _elsewhere(gimbal: Gimbal, path: Trajectory, near: Joints) -> float:
 def _arrives_elsewhere(gimbal: Gimbal, path: Trajectory) -> bool:
     """Return whether a path that ends next to a pole arrives where the outer axis does not end."""
     times, far = _distances(gimbal, path)
-    is_away = far >= _HOP
-    if not _EXACT < far[-1] <= _CLOSE or not is_away.any():
+    is_away = far >= HOP
+    if not _EXACT < far[-1] <= CLOSE or not is_away.any():
         return False
     ends = path.orientations(times[[int(np.flatnonzero(is_away)[-1]), -1]])
     outer = [gimbal.kinematics.pointing(gimbal.kinematics.matrix(row_of(q)))[0] for q in ends]
@@ -427,7 +423,7 @@ def made_by_two(gimbal: Gimbal, path: Way, near: Joints) -> Way:
 
 def _made(gimbal: Gimbal, asked: Trajectory, near: Joints) -> tuple[Trajectory, Joints, float]:
     """Return what two axes make of a trajectory, their angles at its end, and how far it is off."""
-    grid = np.linspace(*asked.domain, _FEWEST + math.ceil(_length(asked) / _CLOSE))
+    grid = np.linspace(*asked.domain, _FEWEST + math.ceil(_length(asked) / CLOSE))
     q = asked.orientations(grid)
     line = joints_along(gimbal, grid, q, np.zeros((len(grid), 3)), near)
 
@@ -464,7 +460,7 @@ def _joints_at_end(gimbal: Gimbal, part: Trajectory, near: Joints) -> Joints:
 
 def _joints_along(gimbal: Gimbal, part: Trajectory, near: Joints) -> Floats:
     """Return the axis angles along a part of a path, rad, shape ``(n, axes)``."""
-    times = np.linspace(*part.domain, _FEWEST + math.ceil(_length(part) / _CLOSE))
+    times = np.linspace(*part.domain, _FEWEST + math.ceil(_length(part) / CLOSE))
     return joints_along(gimbal, times, part.orientations(times), np.zeros((len(times), 3)), near)
 
 

@@ -26,9 +26,9 @@ from orientd.rotation import Floats, conjugate, exp, log, multiply, rotate
 from orientd.rotation import angle as distance
 
 _TURN = 2 * math.pi
-_AT_POLE, _ASIDE = 3e-3, 8e-3
-"""Sine of the distance from the pole within which a whole turn is at it, and how far the second
-axis then turns aside, rad."""
+CLOSE, HOP = 3e-3, 8e-3
+"""Sine of the distance from a pole within which the axes turn around it, and how far the tool goes
+from it meanwhile, rad."""
 _PLACES, _STEPS, _BESIDE = 513, 4, 1e-6
 """Places at which the length of a slew is measured, steps towards an orientation, and the distance
 to the next place, as a share."""
@@ -238,9 +238,9 @@ def turned_together(gimbal: Gimbal, path: Way, near: Joints, goal: Joints = ()) 
     middle = orientations(gimbal, 0.5 * np.add(near, goal))
     ends = np.stack([first, middle, last])
     aside = 0.0
-    if float(np.max(pole_distances(gimbal, ends))) < _AT_POLE:
+    if float(np.max(pole_distances(gimbal, ends))) < CLOSE:
         # At the pole itself an orientation does not tell how outer and inner axis share a turn.
-        aside = _ASIDE if near[1] + _ASIDE <= gimbal.axes[1].high else -_ASIDE
+        aside = HOP if near[1] + HOP <= gimbal.axes[1].high else -HOP
     slew = Slew(*span, near, goal, aside)
 
     def turning(times: Floats) -> Floats:
@@ -260,6 +260,8 @@ def turned(gimbal: Gimbal, slew: Slew, times: Floats) -> Floats:
 
 def turned_along(gimbal: Gimbal, slew: Slew, near: Joints, q: Floats) -> Floats:
     """Return the axis angles in a slew for orientations on its way, rad, shape ``(n, axes)``.
+
+    The length of the way tells the share about, and Gauss-Newton steps exactly.
 
     Args:
         gimbal: kinematics of the axes.

@@ -22,7 +22,7 @@ from orientd.mechanism.arrays import row_of
 from orientd.mechanism.joint_path import ToolLimits
 from orientd.mechanism.keep_out_slews import Clearance
 from orientd.mechanism.pointing import pointing_error
-from orientd.mechanism.poles import check_leaving
+from orientd.mechanism.poles import check_leaving, passes_pole
 from orientd.mechanism.routing import beginnings
 from orientd.mechanism.timed_route import route_at_times
 from orientd.mechanism.turning import turned_to
@@ -176,7 +176,10 @@ class Fitting:
         """
         axes = self._axes
         refusal: PlanError | None = None
-        for deviation in sorted({share * self.gimbal.max_deviation for share in _DEVIATIONS}):
+        deviations = {share * self.gimbal.max_deviation for share in _DEVIATIONS}
+        if not (isinstance(motion.path, Path) and passes_pole(self.gimbal, motion.path.trajectory)):
+            deviations = {0.0}
+        for deviation in sorted(deviations):
             try:
                 return self._pointing(with_axes(motion, axes, deviation))
             except PlanError as error:

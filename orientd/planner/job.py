@@ -41,7 +41,7 @@ from orientd.planner.resolve import half_turn_notes
 from orientd.planner.state import State
 from orientd.planner.timing.axes import NO_AXES, Axes, AxisPath
 from orientd.planner.timing.axes import SHARE as AXIS_SHARE
-from orientd.planner.timing.axis_ways import Way, quickest_of, ways_along
+from orientd.planner.timing.axis_ways import Candidate, quickest_of, ways_along
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.knots import Knots, chord_knots, quick_knots
 from orientd.planner.timing.profiles import quickest
@@ -403,7 +403,7 @@ class PlanJob:
         path = path.slowed(cycles * self.period)
         return Lead((path.trajectory,), cycles, path.positions, joints, path.slews)
 
-    def ways_along(self, path: KeyframePath) -> list[Way]:
+    def ways_along(self, path: KeyframePath) -> list[Candidate]:
         """Return the ways of the device along a path through the keyframes.
 
         Raises:

@@ -24,7 +24,7 @@ from orientd.planner.timing.profiles import quickest
 _WORTH, _TOGETHER = 1.01, 1.1
 """Factors of the duration from which a deviation, and a turn of all axes together, are worth it."""
 
-Way = tuple[float, KeyframePath, AxisPath]
+Candidate = tuple[float, KeyframePath, AxisPath]
 """A factor that a way has to be quicker by, the path, and the axes along it."""
 
 
@@ -38,7 +38,7 @@ def ways_along(
     share: float = SHARE,
     place: Callable[[float], str] = on_the_way,
     has_shape: bool = True,
-) -> list[Way]:
+) -> list[Candidate]:
     """Return the ways along a path, the most exact first.
 
     Args:
@@ -55,7 +55,7 @@ def ways_along(
     Raises:
         PlanError: the axes can go along none of them, at whatever pace.
     """
-    found: list[Way] = []
+    found: list[Candidate] = []
     refusal: PlanError | None = None
     for worth, make in _variants(axes, path, near, has_shape=has_shape):
         if worth == _TOGETHER and found and not passes_pole(axes.mechanism, path.trajectory):
@@ -107,7 +107,9 @@ def _variants(
         yield _TOGETHER, together
 
 
-def quickest_of(ways: list[Way], limits: Limits, period: float) -> tuple[KeyframePath, Joints]:
+def quickest_of(
+    ways: list[Candidate], limits: Limits, period: float
+) -> tuple[KeyframePath, Joints]:
     """Return the quickest of several ways, timed, and the axes at its end.
 
     Raises:

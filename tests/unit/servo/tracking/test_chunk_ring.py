@@ -268,18 +268,23 @@ def test_a_target_ends_the_figures_of_the_poses_and_not_their_counts():
     assert report.largest_behind >= before.behind
 
 
+def farthest_from_swing(rig, cycles):
+    """Let cycles pass; return the largest angle between what is sent and the swing, rad."""
+    apart = 0.0
+    for _ in range(cycles):
+        rig.run()
+        last = rig.driver.setpoints[-1]
+        apart = max(apart, norm(difference(swing(last.time_ns / NS - 1.0)[0], last.q)))
+    return apart
+
+
 def test_a_chunk_of_256_poses_is_played_to_its_end():
     rig = playing()
     begin_ns = rig.clock.now_ns() + NS // 100
     assert CHUNK_POSES == 256
     chunk(rig, begin_ns, count=256, hz=100)
     rig.run(250)
-    apart = 0.0
-    for _ in range(1000):
-        rig.run()
-        last = rig.driver.setpoints[-1]
-        apart = max(apart, norm(difference(swing(last.time_ns / NS - 1.0)[0], last.q)))
-    assert apart < 1e-4
+    assert farthest_from_swing(rig, 1000) < 1e-4
     rig.run(500)
     q, position = swing((begin_ns + round(255 / 100 * NS)) / NS - 1.0)
     assert norm(difference(rig.driver.setpoints[-1].q, q)) < 1e-6
@@ -304,12 +309,7 @@ def test_chunks_that_are_sent_at_once_one_behind_another_are_all_played():
     rig.run(10)
     publish_chunk(rig.memory.chunks, late, LIMITS)
     rig.run(2500)
-    apart = 0.0
-    for _ in range(2000):
-        rig.run()
-        last = rig.driver.setpoints[-1]
-        apart = max(apart, norm(difference(swing(last.time_ns / NS - 1.0)[0], last.q)))
-    assert apart < 1e-4
+    assert farthest_from_swing(rig, 2000) < 1e-4
 
 
 def test_a_chunk_replaces_waiting_ones_that_begin_later():
