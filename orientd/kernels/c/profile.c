@@ -4,6 +4,11 @@
  * Simpson's rule on each element gives the duration.  Every step computes new tangents of the jerk's
  * limit.  Each Hessian has five diagonals, so the cost of a step is proportional to the number of
  * elements.
+ *
+ * The limits in the Hessian have multipliers of their own, as in a primal-dual method (Nocedal and
+ * Wright, Numerical Optimization, 2006, chapter 19).  Without them the first step after a lower weight
+ * of the barrier is many times too long, and so is the first one from a profile that is much closer
+ * to some limits than to others.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -25,9 +30,10 @@ typedef struct {
     double *near, *far, *rise;        /* value and slope at a node from two coefficients */
     double *value, *slope;            /* of a profile at the nodes */
     double *y[SPOTS], *d[SPOTS], *b;  /* value, slope and bend in the elements */
-    double *top[SPOTS];               /* one over the largest y */
-    double *bends[SPOTS][BENDS][3];   /* products of the columns of a limited rate */
-    double *twists[SPOTS][TWISTS][6];
+    /* Each limit has two rows after its numbers: its slack at the last step, and its multiplier. */
+    double *top[SPOTS][3];            /* one over the largest y */
+    double *bends[SPOTS][BENDS][5];   /* products of the columns of a limited rate */
+    double *twists[SPOTS][TWISTS][8];
     int bend_count, twist_count;
     double weight;                    /* of the barrier, when the search ended */
     double *memory;
@@ -44,23 +50,25 @@ enum {
 };
 
 #define REDUCTION 0.1     /* of the barrier's weight from one round to the next */
-#define DECREMENT 0.3     /* of a round's weight, squared */
+#define DECREMENT 10.0    /* of a round's weight, squared */
 #define INSIDE 0.995      /* share of the limits up to which they need not be moved out */
 #define STRETCH 1.05      /* how far beyond the largest share they are moved */
 #define SLOWER 0.98       /* share of the limits that a guess is slowed down to */
 #define NEAR 1.0005       /* how far beyond the largest share limits stay when they are moved in */
-#define FAR 0.3           /* share of the duration to begin with where that cannot be */
+#define FAR 1.0           /* share of the duration to begin with where that cannot be */
 #define NEARLY 1.25       /* times the share to end with is near enough */
 #define LIFT 1e-12        /* of the diagonal, against rounding */
 #define LOST 1e-15        /* share of the diagonal below which a pivot is rounding */
 #define HUGE_PIVOT 1e150
+#define APART 30.0        /* between a multiplier and what the slack says of it, as a factor */
+#define UNKNOWN 1e100
 
 /* Shares of the duration of an element, by Simpson. */
 static const double simpson[SPOTS] = {1.0 / 6, 4.0 / 6, 1.0 / 6};
 
 
 static index_t rows_of_search(int bends, int twists) {
-    return 3 + 2 + 2 * SPOTS + 1 + SPOTS * (1 + 3 * bends + 6 * twists) + 9 + 9 + 7;
+    return 3 + 2 + 2 * SPOTS + 1 + SPOTS * (3 + 5 * bends + 8 * twists) + 9 + 9 + 7;
 }
 
 /* Products of the contributions of y, y' and y'' to a rate at a place, in units of the limit. */
@@ -91,7 +99,7 @@ static void put_path(search_t *s, const rate_t *rates, int count) {
         s->near[i] = after / sum, s->far[i] = before / sum, s->rise[i] = 2.0 / sum;
     }
     for (int spot = 0; spot < SPOTS; spot++)
-        memset(s->top[spot], 0, (size_t)n * sizeof(double));
+        memset(s->top[spot][0], 0, (size_t)n * sizeof(double));
     s->bend_count = s->twist_count = 0;
     for (int r = 0; r < count; r++) {
         const rate_t *rate = &rates[r];
@@ -106,7 +114,7 @@ static void put_path(search_t *s, const rate_t *rates, int count) {
                 }
                 put_products(rate, p + 3 * spot, q + 3 * spot, third, aims[e], products);
                 if (rate->order == 1)
-                    s->top[spot][e] = larger(products[0], s->top[spot][e]);
+                    s->top[spot][0][e] = larger(products[0], s->top[spot][0][e]);
                 else if (rate->order == 2) {
                     double **to = s->bends[spot][s->bend_count];
                     to[0][e] = products[0], to[1][e] = products[1], to[2][e] = products[3];
@@ -165,7 +173,7 @@ static double largest_share(const search_t *s) {
     for (int spot = 0; spot < SPOTS; spot++)
         for (index_t e = 0; e < s->n; e++) {
             double y = s->y[spot][e], d = s->d[spot][e];
-            largest = larger(y * s->top[spot][e], largest);
+            largest = larger(y * s->top[spot][0][e], largest);
             for (int k = 0; k < s->bend_count; k++)
                 largest = larger(sqrt(larger(length2(s->bends[spot][k], e, y, d), 0.0)), largest);
             for (int k = 0; k < s->twist_count; k++)
@@ -180,7 +188,7 @@ static double cost_of(const search_t *s, double weight, double stretch) {
     index_t outside = 0, n = s->n;
     for (int spot = 0; spot < SPOTS; spot++) {
         const double *restrict y = s->y[spot], *restrict d = s->d[spot], *restrict b = s->b;
-        const double *restrict top = s->top[spot];
+        const double *restrict top = s->top[spot][0];
         double *restrict product = s->slack;
         INDEPENDENT
         for (index_t e = 0; e < n; e++) {
@@ -225,11 +233,31 @@ static double cost_of(const search_t *s, double weight, double stretch) {
     return isnan(cost) ? INFINITY : cost;
 }
 
-/* Write gradient and Hessian at one spot of the elements by y, y' and y''. */
-static void differentiate(const search_t *s, int spot, double weight, double stretch) {
+/* A step of Newton's method: whether there was one, one over its length, and the weight it had. */
+typedef struct { double counts, over, weight; } stride_t;
+
+/* Return the multiplier of a limit after a step that has changed it as Newton's method does for
+ * slack * multiplier = weight.
+ *
+ * now, over: the slack, and one over it.
+ * before: one over the slack before the step.
+ * last: the multiplier before it. */
+INLINE double multiplier(double now, double over, double before, double last, stride_t stride) {
+    double change = stride.weight * before - last - last * (now * before - 1.0) * stride.over;
+    double next = last + stride.counts * change, middle = stride.weight * over;
+    return larger(smaller(next, APART * middle), middle * (1.0 / APART));
+}
+
+/* Write gradient and Hessian at one spot of the elements by y, y' and y''.
+ *
+ * length: of the step before with this weight; 0 if there was none. */
+static void differentiate(const search_t *s, int spot, double weight, double stretch,
+                          double length) {
+    stride_t stride = {length > 0.0, length > 0.0 ? 1.0 / length : 0.0, weight};
     double square = stretch * stretch, share = simpson[spot];
     const double *restrict y = s->y[spot], *restrict d = s->d[spot], *restrict b = s->b;
-    const double *restrict top = s->top[spot], *restrict h = s->h;
+    const double *restrict top = s->top[spot][0], *restrict h = s->h;
+    double *restrict slack = s->top[spot][1], *restrict last = s->top[spot][2];
     double *restrict g0 = s->g[0], *restrict g1 = s->g[1], *restrict g2 = s->g[2];
     double *restrict m0 = s->m[0], *restrict m1 = s->m[1], *restrict m2 = s->m[2];
     double *restrict m3 = s->m[3], *restrict m4 = s->m[4], *restrict m5 = s->m[5];
@@ -237,20 +265,27 @@ static void differentiate(const search_t *s, int spot, double weight, double str
     INDEPENDENT
     for (index_t e = 0; e < n; e++) {
         double root = 1.0 / sqrt(y[e]), inverse = root * root, w = share * h[e];
-        double room = top[e] / (stretch - y[e] * top[e]);
+        double now = stretch - y[e] * top[e], over = 1.0 / now, room = top[e] * over;
+        double times = multiplier(now, over, slack[e], last[e], stride);
+        slack[e] = over, last[e] = times;
         g0[e] = weight * room - 0.5 * w * root * inverse;
-        m0[e] = weight * room * room + 0.75 * w * root * inverse * inverse;
+        m0[e] = times * top[e] * room + 0.75 * w * root * inverse * inverse;
         g1[e] = g2[e] = m1[e] = m2[e] = m3[e] = m4[e] = m5[e] = 0.0;
     }
     for (int k = 0; k < s->bend_count; k++) {
         const double *restrict aa = s->bends[spot][k][0], *restrict ab = s->bends[spot][k][1];
         const double *restrict bb = s->bends[spot][k][2];
+        double *restrict slack = s->bends[spot][k][3], *restrict last = s->bends[spot][k][4];
         INDEPENDENT
         for (index_t e = 0; e < n; e++) {
             double one = aa[e] * y[e] + ab[e] * d[e], two = ab[e] * y[e] + bb[e] * d[e];
-            double over = 1.0 / (square - y[e] * one - d[e] * two);
-            double f = 2.0 * weight * over, ff = 2.0 * f * over;
+            double now = square - y[e] * one - d[e] * two, over = 1.0 / now;
+            double f = 2.0 * weight * over;
             g0[e] += f * one, g1[e] += f * two;
+            double times = multiplier(now, over, slack[e], last[e], stride);
+            slack[e] = over, last[e] = times;
+            f = 2.0 * times;
+            double ff = 2.0 * f * over;
             m0[e] += ff * one * one + f * aa[e];
             m1[e] += ff * one * two + f * ab[e];
             m3[e] += ff * two * two + f * bb[e];
@@ -260,6 +295,7 @@ static void differentiate(const search_t *s, int spot, double weight, double str
         double *const *of = s->twists[spot][k];
         const double *restrict aa = of[0], *restrict ab = of[1], *restrict ac = of[2];
         const double *restrict bb = of[3], *restrict bc = of[4], *restrict cc = of[5];
+        double *restrict slack = of[6], *restrict last = of[7];
         INDEPENDENT
         for (index_t e = 0; e < n; e++) {
             /* Of L(y)^2 - |v|^2, with the tangent of L in the Hessian. */
@@ -267,10 +303,13 @@ static void differentiate(const search_t *s, int spot, double weight, double str
             double two = ab[e] * y[e] + bb[e] * d[e] + bc[e] * b[e];
             double three = ac[e] * y[e] + bc[e] * d[e] + cc[e] * b[e];
             double inverse = 1.0 / y[e], limit = square * inverse;
-            double over = 1.0 / (limit - (y[e] * one + d[e] * two + b[e] * three));
-            double f = weight * over, ff = f * over;
+            double now = limit - (y[e] * one + d[e] * two + b[e] * three), over = 1.0 / now;
+            double f = weight * over;
             double u = -2.0 * one - limit * inverse, v = -2.0 * two, w = -2.0 * three;
             g0[e] -= f * u, g1[e] -= f * v, g2[e] -= f * w;
+            f = multiplier(now, over, slack[e], last[e], stride);
+            slack[e] = over, last[e] = f;
+            double ff = f * over;
             m0[e] += ff * u * u + 2.0 * f * aa[e] - 0.5 * f * limit * inverse * inverse;
             m1[e] += ff * u * v + 2.0 * f * ab[e];
             m2[e] += ff * u * w + 2.0 * f * ac[e];
@@ -330,15 +369,16 @@ static void fix(search_t *s, index_t i) {
         s->apart[i - 2] = 0.0;
 }
 
-/* Write the step of Newton's method; return its squared decrement, or 0 if there is no step. */
-static double newton(search_t *s, double weight, double stretch) {
+/* Write the step of Newton's method after a step of a length; return its squared decrement, or 0 if
+ * there is no step. */
+static double newton(search_t *s, double weight, double stretch, double length) {
     index_t n = s->n, count = n + 2;
     for (int k = 0; k < 6; k++)
         memset(s->lm[k], 0, (size_t)n * sizeof(double));
     for (int k = 0; k < 3; k++)
         memset(s->lg[k], 0, (size_t)n * sizeof(double));
     for (int spot = 0; spot < SPOTS; spot++) {
-        differentiate(s, spot, weight, stretch);
+        differentiate(s, spot, weight, stretch, length);
         add_spot(s, spot);
     }
     for (index_t i = 0; i < count; i++)
@@ -354,36 +394,28 @@ static double newton(search_t *s, double weight, double stretch) {
         fix(s, 0), fix(s, 1);
     if (s->path->has_end)
         fix(s, n), fix(s, n + 1);
-    double *right = s->right, *step = s->step;
-    memcpy(step, right, (size_t)count * sizeof(double));
-    /* L D L^T in place: the arrays `beside` and `apart` become the columns of L. */
+    const double *right = s->right;
+    double *step = s->step, *diagonal = s->diagonal, *beside = s->beside, *apart = s->apart;
+    /* L D L^T in place: `beside` and `apart` become the columns of L, `diagonal` one over D. */
+    double near = 0.0, near_scaled = 0.0, far = 0.0, far_scaled = 0.0, last = 0.0, last_scaled = 0.0;
+    double one = 0.0, two = 0.0;
     for (index_t i = 0; i < count; i++) {
-        double pivot = s->diagonal[i] * (1.0 + LIFT);
-        if (i > 0)
-            pivot -= s->beside[i - 1] * s->beside[i - 1] * s->diagonal[i - 1];
-        if (i > 1)
-            pivot -= s->apart[i - 2] * s->apart[i - 2] * s->diagonal[i - 2];
+        double pivot = diagonal[i] * (1.0 + LIFT) - near_scaled * near - far_scaled * far;
+        double side = beside[i] - last_scaled * near, over = 1.0 / pivot;
         /* Where rounding has eaten up the curvature it stays as it is. */
-        bool is_lost = !(pivot > LOST * s->diagonal[i] && pivot < HUGE_PIVOT);
-        double beside = s->beside[i];
-        if (i > 0)
-            beside -= s->apart[i - 1] * s->beside[i - 1] * s->diagonal[i - 1];
-        s->diagonal[i] = is_lost ? HUGE_PIVOT : pivot;
-        s->beside[i] = is_lost ? 0.0 : beside / pivot;
-        s->apart[i] = is_lost ? 0.0 : s->apart[i] / pivot;
+        bool is_lost = !(pivot > LOST * diagonal[i] && pivot < HUGE_PIVOT);
+        double next = right[i] - near * one - far * two;
+        step[i] = next, two = one, one = next;
+        far = last, far_scaled = last_scaled;
+        near_scaled = is_lost ? 0.0 : side, last_scaled = is_lost ? 0.0 : apart[i];
+        diagonal[i] = is_lost ? 1.0 / HUGE_PIVOT : over;
+        beside[i] = near = near_scaled * diagonal[i];
+        apart[i] = last = last_scaled * diagonal[i];
     }
-    for (index_t i = 0; i < count; i++) {
-        if (i > 0)
-            step[i] -= s->beside[i - 1] * step[i - 1];
-        if (i > 1)
-            step[i] -= s->apart[i - 2] * step[i - 2];
-    }
+    one = two = 0.0;
     for (index_t i = count - 1; i >= 0; i--) {
-        step[i] /= s->diagonal[i];
-        if (i + 1 < count)
-            step[i] -= s->beside[i] * step[i + 1];
-        if (i + 2 < count)
-            step[i] -= s->apart[i] * step[i + 2];
+        double next = step[i] * diagonal[i] - beside[i] * one - apart[i] * two;
+        step[i] = next, two = one, one = next;
     }
     double decrement = 0.0;
     for (index_t i = 0; i < count; i++)
@@ -396,9 +428,11 @@ static int centre(search_t *s, double *c, double weight, double stretch, int mos
     index_t count = s->n + 2;
     spread(s, c);
     double cost = cost_of(s, weight, stretch);
+    double length = 0.0;
     int steps = 0;
     while (steps < most) {
-        double decrement = newton(s, weight, stretch), length = 1.0;
+        double decrement = newton(s, weight, stretch, length);
+        length = 1.0;
         steps++;
         if (!(decrement > DECREMENT * weight))
             break;
@@ -473,9 +507,8 @@ static bool new_search(search_t *s, const profile_path_t *path, const rate_t *ra
     if (next == NULL)
         return false;
     double **rows[] = {&s->near, &s->far, &s->rise, &s->value, &s->slope, &s->y[0], &s->y[1],
-                       &s->y[2], &s->d[0], &s->d[1], &s->d[2], &s->b, &s->top[0], &s->top[1],
-                       &s->top[2], &s->diagonal, &s->beside, &s->apart, &s->right, &s->step,
-                       &s->trial, &s->slack};
+                       &s->y[2], &s->d[0], &s->d[1], &s->d[2], &s->b, &s->diagonal, &s->beside,
+                       &s->apart, &s->right, &s->step, &s->trial, &s->slack};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++, next += row)
         *rows[i] = next;
     for (int i = 0; i < 3; i++, next += 2 * row)
@@ -483,6 +516,7 @@ static bool new_search(search_t *s, const profile_path_t *path, const rate_t *ra
     for (int i = 0; i < 6; i++, next += 2 * row)
         s->m[i] = next, s->lm[i] = next + row;
     for (int spot = 0; spot < SPOTS; spot++) {
+        s->top[spot][0] = next, next += row;
         for (int k = 0; k < bends; k++)
             for (int i = 0; i < 3; i++, next += row)
                 s->bends[spot][k][i] = next;
@@ -490,6 +524,18 @@ static bool new_search(search_t *s, const profile_path_t *path, const rate_t *ra
             for (int i = 0; i < 6; i++, next += row)
                 s->twists[spot][k][i] = next;
     }
+    double *duals = next;
+    for (int spot = 0; spot < SPOTS; spot++)
+        for (int i = 0; i < 2; i++) {
+            s->top[spot][1 + i] = next, next += row;
+            for (int k = 0; k < bends; k++, next += row)
+                s->bends[spot][k][3 + i] = next;
+            for (int k = 0; k < twists; k++, next += row)
+                s->twists[spot][k][6 + i] = next;
+        }
+    /* No multiplier is known yet: the largest that the slack allows keeps the first step short. */
+    for (double *one = duals; one < next; one++)
+        *one = UNKNOWN;
     return true;
 }
 
