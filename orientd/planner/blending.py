@@ -571,7 +571,9 @@ def _motion(cut: _Cut, corner: _Corner, *, is_timed_anew: bool) -> Motion:
     second, rest, start = corner.second, cut.rest, corner.first.state_at(cut.leave)
     limits, period = second.limits, second.period
     if is_timed_anew:
-        rest = quickest(rest, limits.at_period(period), period)
+        quick = quickest(rest, limits.at_period(period), period)
+        # A timing does not keep times before its path.
+        rest = replace(quick, times=np.where(rest.times < 0.0, rest.times, quick.times))
     whole = _followed(cut.lead, start, rest, cut.passed)
     motion = certified(whole, second.request, start, limits, period, motion_id=second.id)
     return replace(motion, corner=(cut.passed, cut.gap), joined=cut.lead.duration)

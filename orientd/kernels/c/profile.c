@@ -55,7 +55,7 @@ enum {
 #define STRETCH 1.05      /* how far beyond the largest share they are moved */
 #define SLOWER 0.98       /* share of the limits that a guess is slowed down to */
 #define NEAR 1.0005       /* how far beyond the largest share limits stay when they are moved in */
-#define FAR 1.0           /* share of the duration to begin with where that cannot be */
+#define FAR 0.3           /* share of the duration to begin with where that cannot be */
 #define NEARLY 1.25       /* times the share to end with is near enough */
 #define LIFT 1e-12        /* of the diagonal, against rounding */
 #define LOST 1e-15        /* share of the diagonal below which a pivot is rounding */

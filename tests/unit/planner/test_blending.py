@@ -123,6 +123,20 @@ def test_a_blend_leaves_no_earlier_than_it_may():
     assert late >= early + 20
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_time_of_the_first_keyframe_is_that_of_the_corner(seed):
+    random = np.random.default_rng(seed)
+    first = first_motion(random)
+    keys = [first.path.last]
+    for _ in range(4):
+        keys.append(multiply(keys[-1], exp(vector(random, 0.5))))
+    record, second = blended(first, MotionRequest([keyframe(q) for q in keys]), 0.05)
+    assert record < first.record_count - 1
+    passed, gap = second.corner
+    assert second.keyframe_times[0] == pytest.approx(passed)
+    assert angle(second.sample(np.array([passed])).q[0], keys[0]) == pytest.approx(gap, abs=1e-3)
+
+
 def test_keyframes_beyond_the_corner_are_met():
     random = np.random.default_rng(7)
     first = first_motion(random)
