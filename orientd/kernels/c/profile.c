@@ -43,8 +43,8 @@ typedef struct {
 } search_t;
 
 enum {
-    MOST_STEPS = 160,
-    ROUND_STEPS = 10,
+    MOST_STEPS = 240,
+    ROUND_STEPS = 40,
     FIRST_STEPS = 80,
     HALVINGS = 40,
 };
