@@ -17,7 +17,7 @@ from contextlib import aclosing
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from hashlib import sha256
-from typing import Any
+from typing import Any, NamedTuple
 
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError, Message
@@ -137,6 +137,18 @@ class Method:
     request: Any
     cardinality: Cardinality = Cardinality.UNARY_UNARY
     is_library: bool = False
+
+
+class Answer(NamedTuple):
+    """An answer that its call has serialised.
+
+    Attributes:
+        content: the serialised message.
+        noted: a message of the same type with the fields that audit and log name.
+    """
+
+    content: bytes
+    noted: Message
 
 
 class Authorization:
@@ -263,8 +275,13 @@ class Authorization:
                     await DIGESTS.run(lambda: call.asked)
             yield request
 
-    async def _send(self, call: _Call, stream: Stream[Any, Any], answer: Message | bytes) -> None:
-        if not isinstance(answer, bytes):
+    async def _send(
+        self, call: _Call, stream: Stream[Any, Any], answer: Message | bytes | Answer
+    ) -> None:
+        if isinstance(answer, Answer):
+            self._note(call, answer.noted)
+            answer = answer.content
+        elif not isinstance(answer, bytes):
             self._note(call, answer)
         await stream.send_message(answer)
 

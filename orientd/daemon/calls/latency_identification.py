@@ -16,8 +16,8 @@ import numpy as np
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
+from orientd.daemon.planners.messages import PlanRequest
 from orientd.daemon.planners.pool import Planners
-from orientd.daemon.planners.task import PlanCall
 from orientd.driver import Quaternion
 from orientd.errors import DaemonError, OrientdError
 from orientd.model.request import Keyframe, MotionRequest
@@ -104,10 +104,10 @@ async def _move(device: Device) -> list[Cycle]:
         w, x, y, z = rotation.multiply(start.q, rotation.exp([0.0, 0.0, angle])).tolist()
         keyframes.append(Keyframe((w, x, y, z), seconds))
     request = MotionRequest(keyframes=keyframes)
-    order = PlanCall(from_request(request).SerializeToString(), timeout=_READY)
+    asked = PlanRequest(from_request(request).SerializeToString(), timeout=_READY)
     before = device.snapshot().cycle
     with device.expecting() as run:
-        await device.move(run, order)
+        await device.move(run, asked)
     # The newest cycle may be from before the motion: its end counts, and not the state.
     ended, longest = asyncio.wrap_future(run.ended), run.motion.facts.duration + _READY
     try:

@@ -22,7 +22,7 @@ from ur_rig import (
 
 from orientd.clock import MonotonicClock
 from orientd.daemon.device import MoveOptions
-from orientd.daemon.planners.task import PlanCall
+from orientd.daemon.planners.messages import PlanRequest
 from orientd.driver import Setpoint
 from orientd.errors import LinkError, PlanError, RequestError, StateError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
@@ -123,9 +123,9 @@ def test_motion_brings_options_of_its_own_and_the_next_has_those_of_the_configur
             until(lambda: is_holding(device), "the end")
             assert ur_robot.state()["servoing"] == found
         begun = swing_motion(device)
-        other = pb.MotionRequest.FromString(begun.input.motion)
+        other = pb.MotionRequest.FromString(begun.request.motion)
         other.device_options.update({"gain": 700})
-        order = PlanCall(other.SerializeToString())
+        order = PlanRequest(other.SerializeToString())
         run(device, begun)
         streaming(device)
         with pytest.raises(StateError, match="device_options change at rest only"):

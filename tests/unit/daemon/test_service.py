@@ -59,7 +59,7 @@ def started(service, request, caller=ANA):
 
     async def first():
         async with contextlib.aclosing(service.Move(request, caller)) as answers:
-            return (await anext(answers)).started
+            return pb.MoveResponse.FromString((await anext(answers)).content).started
 
     return asyncio.run(first())
 
