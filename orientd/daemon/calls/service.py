@@ -22,7 +22,7 @@ from grpclib.const import Cardinality
 
 import orientd
 from orientd.clock import clock_name
-from orientd.daemon.access.authorization import Answer, Method, keyframe_count
+from orientd.daemon.access.authorization import Answer, Method
 from orientd.daemon.access.identity import Caller
 from orientd.daemon.calls import report
 from orientd.daemon.calls.following import Following, read_targets
@@ -71,6 +71,8 @@ _PLAN = field_number(pb.PlanResponse, "plan")
 
 _STARTED = field_number(pb.MoveResponse, "started")
 _PLAN_STARTED = field_number(pb.MoveStarted, "plan")
+
+_EARLIER = "the client is of orientd 0.2 or earlier, and its motions cannot be read by orientd"
 
 _CommandRequest = pb.CommandRequest | pb.SetSpeedRequest | pb.DisableRequest
 """A command names a device and its lease."""
@@ -261,16 +263,22 @@ class Service:
         """Return the motion to plan, its caller, and the planning timeout.
 
         Raises:
-            RequestError: the time is none, or the motion has too many keyframes.
+            RequestError: there is no motion, it is of an earlier version, or the time is none.
         """
+        if request.earlier_motion:
+            raise RequestError("motion", f"{_EARLIER} {orientd.__version__}; update the client")
+        if not (request.motion or request.source):
+            raise RequestError("motion", "expected the text of a motion file, got none")
         timeout = planning_timeout(request.plan_timeout, self._devices.planners.timeout)
-        motion = request.motion
-        count = keyframe_count(motion)
-        if count > self.keyframes:
-            raise RequestError("keyframes", f"expected at most {self.keyframes}, got {count}")
-        # The planner reads the rest: that takes as long as planning a small motion.
-        content = motion.SerializeToString()
-        return PlanRequest(content, caller.key, timeout, rate_hz)
+        return PlanRequest(
+            request.motion,
+            request.source,
+            request.columns,
+            self.keyframes,
+            caller.key,
+            timeout,
+            rate_hz,
+        )
 
     @contextlib.contextmanager
     def _refused_after(self, received_ns: int = 0) -> Iterator[None]:
@@ -333,7 +341,7 @@ class Service:
             motion = self._devices.plans.find(device.name, request.motion_id)
             await device.run(run, motion, token=token)
             return 0.0
-        if what != "motion":
+        if what not in ("motion", "earlier_motion"):
             raise RequestError("motion", "expected a motion or a motion_id, got neither")
         asked = self._asked(request, caller)
         try:
@@ -568,8 +576,9 @@ def _started(
     started = pb.MoveStarted(motion_number=number, timing=timing, speed=speed, lease=lease)
     plan = embedded(_PLAN_STARTED, run.motion.plan)
     content = embedded(_STARTED, started.SerializeToString() + plan)
-    noted = pb.MoveStarted(motion_number=number, plan=pb.Plan(motion_id=run.motion.id))
-    return Answer(content, pb.MoveResponse(started=noted))
+    named = pb.Plan(motion_id=run.motion.id, name=run.motion.facts.name)
+    noted = pb.MoveResponse(started=pb.MoveStarted(motion_number=number, plan=named))
+    return Answer(content, noted)
 
 
 def _seconds_since(instant_ns: int) -> float:

@@ -151,7 +151,7 @@ class Retargeting:
         """
         late: list[float] = []
         problem = ""
-        kind = len(request.motion).bit_length(), queued.options.is_queued
+        kind = request.size.bit_length(), queued.options.is_queued
         try:
             with request.waiting():
                 async with asyncio.timeout(request.time_left):

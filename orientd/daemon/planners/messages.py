@@ -35,7 +35,7 @@ FIRST = 1024
 """Records that are there with the answer; the others of a chunk come with the rest."""
 
 SMALL_BYTES = 32_768
-"""Of a request that counts as small: some 800 keyframes."""
+"""Of a request that counts as small: 300 keyframes as a text, 800 as columns."""
 
 HEADER = struct.Struct("!Q")
 
@@ -56,7 +56,10 @@ class PlanRequest:
     """A motion that a caller asks for, with everything that its plan depends on.
 
     Attributes:
-        motion: a serialised ``orientd.v1.MotionRequest``.
+        motion: the text of a motion file, which only the planner reads.
+        source: name of the file, for errors; empty if the text is from no file.
+        columns: keyframes as a serialised ``KeyframeColumns``, in place of those of the text.
+        keyframes: the most that it may have.
         caller: who asks; how much of one caller may wait is bounded.
         timeout: longest planning time, s, including waits for a planner and repeated plans.
         rate_hz: samples a second to report with the plan; 0 for none.
@@ -75,6 +78,9 @@ class PlanRequest:
     """
 
     motion: bytes
+    source: str = ""
+    columns: bytes = b""
+    keyframes: int = 200_000
     caller: str = ""
     timeout: float = 10.0
     rate_hz: float = 0.0
@@ -143,7 +149,12 @@ class PlanRequest:
     @property
     def rank(self) -> Rank:
         """The rank of the request on a device at rest."""
-        return Rank.SMALL if len(self.motion) <= SMALL_BYTES else Rank.LARGE
+        return Rank.SMALL if self.size <= SMALL_BYTES else Rank.LARGE
+
+    @property
+    def size(self) -> int:
+        """Bytes of the motion."""
+        return len(self.motion) + len(self.columns)
 
 
 class Planned(NamedTuple):
@@ -251,14 +262,16 @@ def record_at_rest(q: Quaternion, position: Vector3, joints: Joints) -> bytes:
 
 def packed_request(request: PlanRequest) -> list[bytes]:
     """Return the message of a request in parts: the request without its motion, then the motion."""
-    motion = request.motion
-    return [packed(replace(request, motion=b"")), HEADER.pack(len(motion)), motion]
+    parts = request.motion, request.columns
+    headers = [HEADER.pack(len(part)) for part in parts]
+    bare = packed(replace(request, motion=b"", columns=b""))
+    return [bare, headers[0], parts[0], headers[1], parts[1]]
 
 
-def unpacked_request(body: bytearray, motion: bytearray) -> PlanRequest:
+def unpacked_request(body: bytearray, motion: bytearray, columns: bytearray) -> PlanRequest:
     """Return the request of a message."""
     request: PlanRequest = pickle.loads(body)
-    return replace(request, motion=bytes(motion))
+    return replace(request, motion=bytes(motion), columns=bytes(columns))
 
 
 def packed(content: object) -> bytes:

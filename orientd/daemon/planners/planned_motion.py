@@ -28,7 +28,7 @@ _BEHIND = 4096
 _TAIL = 16_384
 """Most records before the end of a motion at which the next motion may leave it."""
 
-_PLAN, _MOTION = (field_number(pb.Event, name) for name in ("plan", "motion"))
+_PLAN, _MOTION, _COLUMNS = (field_number(pb.Event, name) for name in ("plan", "motion", "columns"))
 
 More = Callable[[PlanRequest, RecordFile, int, float], "Future[int]"]
 """Has a planner add records to a file, from one on; returns the end.  From any thread.
@@ -104,7 +104,9 @@ class PlannedMotion:
         samples = b""
         with contextlib.suppress(TimeoutError, CancelledError):
             samples = self._rest.result(0.0).samples
-        return embedded(_PLAN, self.plan) + embedded(_MOTION, self.request.motion) + samples
+        asked = pb.Event(source=self.request.source).SerializeToString() + samples
+        parts = (_PLAN, self.plan), (_MOTION, self.request.motion), (_COLUMNS, self.request.columns)
+        return b"".join(embedded(number, part) for number, part in parts if part) + asked
 
     def await_event(self, is_urgent: Callable[[], bool]) -> bool:
         """Wait until :attr:`event` has its samples, or will not have them in time.

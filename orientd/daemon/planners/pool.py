@@ -273,7 +273,7 @@ class Planners:
             TooMuchError: why.
         """
         own = sum(one.request.caller == request.caller for one in self._waiting)
-        size = len(request.motion) + sum(len(one.request.motion) for one in self._waiting)
+        size = request.size + sum(one.request.size for one in self._waiting)
         if request.caller and own >= MOST_WAITING:
             problem = f"at most {MOST_WAITING} requests of one caller may wait to be planned"
             raise TooMuchError(problem)

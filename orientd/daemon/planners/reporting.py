@@ -12,7 +12,7 @@ from orientd.model.request import Frame
 from orientd.planner.motion import Motion
 from orientd.planner.path import PathSamples as Sampled
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import cone_message
+from orientd.protocol.cones import cone_message
 from orientd.protocol.reports import Samples
 from orientd.protocol.values import quaternion, vector
 from orientd.rotation import Floats

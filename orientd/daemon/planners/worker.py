@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import gc
 import mmap
 import os
@@ -18,8 +19,7 @@ import socket
 from collections import OrderedDict
 from collections.abc import Iterable
 
-from google.protobuf.message import DecodeError
-
+from orientd import motion_file
 from orientd.config import DeviceSettings
 from orientd.daemon.planners import reporting
 from orientd.daemon.planners.messages import (
@@ -32,18 +32,20 @@ from orientd.daemon.planners.messages import (
     packed,
     unpacked_request,
 )
-from orientd.errors import OrientdError, PlanError, RequestError
-from orientd.model.request import Frame, Keyframe, MotionRequest
+from orientd.errors import OrientdError, PlanError
+from orientd.model.request import Frame, MotionRequest
 from orientd.planner.blending import NOT_BLENDED
 from orientd.planner.facts import HISTORY
 from orientd.planner.motion import Motion
 from orientd.planner.recorded import RecordedMotion, rows_of, start_of
 from orientd.planner.state import State
-from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import to_request
+from orientd.protocol.columns import keyframe_rows
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""
+
+_SMALL = b"keyframes: [{rotation_vector: [0, 0, 0]}, {rotation_vector: [0, 0, 0.02]}]"
+"""A motion file that needs everything which reads one."""
 
 _BLOCK = 8192
 """Records worked out at a time: more would take memory without being quicker."""
@@ -58,15 +60,16 @@ class Worker:
         """Make a planner for each device."""
         self._planners = {device.name: device.planner() for device in devices}
         self._known: OrderedDict[str, tuple[Motion, int, Frame | None]] = OrderedDict()
+        # A motion that is planned again, from another record, is not read again.
+        self._read = functools.lru_cache(1)(_read)
 
     def warm_up(self) -> None:
         """Plan something small for each device, so that nothing is left to be loaded."""
-        q = ((1.0, 0.0, 0.0, 0.0), (0.9999500004166653, 0.0, 0.0, 0.009999833334166664))
+        request = self._read(_SMALL, "", b"", 2)
         for planner in self._planners.values():
-            request = MotionRequest([Keyframe(one) for one in q])
             # Not every device can do that; what it loads is loaded.
             with contextlib.suppress(OrientdError, ValueError):
-                start = State.at_rest(q[0])
+                start = State.at_rest(request.keyframes[0].q)
                 planner.plan(request, start=start, joints=(), is_offline=True, unix_ns=0)
 
     def plan(self, request: PlanRequest, file: RecordFile) -> Planned:
@@ -104,10 +107,7 @@ class Worker:
         known = self._known.get(asked.motion_id)
         if known is not None:
             return known
-        try:
-            request = to_request(pb.MotionRequest.FromString(asked.motion))
-        except DecodeError as error:
-            raise RequestError("motion", f"cannot be read: {error}") from error
+        request = self._read(asked.motion, asked.source, asked.columns, asked.keyframes)
         duration = f", duration {request.duration}" if request.duration else ""
         file.say(f"planning {len(request.keyframes)} keyframes with {request.method}{duration}")
         planner, rows = self._planners[asked.device], rows_of(asked.records)
@@ -136,6 +136,16 @@ class Worker:
         while len(self._known) > KEPT:
             self._known.popitem(last=False)
         return known
+
+
+def _read(text: bytes, source: str, columns: bytes, most: int) -> MotionRequest:
+    """Return the request in a text, or in a text and columns.
+
+    Raises:
+        RequestError: it is not well formed, or has more keyframes than *most*.
+    """
+    rows = keyframe_rows(columns, most) if columns else ()
+    return motion_file.loads(text, source, rows=rows, most=most)
 
 
 def main(channel: int) -> None:
@@ -200,8 +210,9 @@ def serve(peer: socket.socket, worker: Worker) -> None:
 
 def _received_request(peer: socket.socket, descriptors: list[int]) -> PlanRequest | None:
     """Return the next request, and add the descriptor that comes with it; ``None`` at the end."""
-    body, motion = _received(peer, descriptors), _received(peer, descriptors)
-    return None if body is None or motion is None else unpacked_request(body, motion)
+    parts = [_received(peer, descriptors) for _ in range(3)]
+    found = [part for part in parts if part is not None]
+    return unpacked_request(*found) if len(found) == len(parts) else None
 
 
 def _received(peer: socket.socket, descriptors: list[int]) -> bytearray | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from concurrent.futures import Future
 
 from orientd.daemon.device import AT_ONCE
@@ -10,8 +11,8 @@ from orientd.daemon.planners import reporting
 from orientd.daemon.planners.messages import CHUNK, Planned, PlanRequest, RecordFile, Rest
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.worker import Worker
+from orientd.motion_file import written
 from orientd.planner import HISTORY, State, rows_of, start_of
-from orientd.protocol.motion import from_request
 
 
 class DirectPlanners:
@@ -63,7 +64,7 @@ def state_at(motion: PlannedMotion, record) -> State:
 
 
 def order_of(request) -> PlanRequest:
-    return PlanRequest(from_request(request).SerializeToString())
+    return PlanRequest(json.dumps(written(request)).encode())
 
 
 def run(device, motion, options=AT_ONCE):

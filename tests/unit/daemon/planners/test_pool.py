@@ -8,23 +8,21 @@ import time
 import numpy as np
 import pytest
 from direct_planners import DirectPlanners
+from motions import through
 
 from orientd import config
 from orientd.daemon.planners.messages import CHUNK, PlanRequest, Rank, record_at_rest
 from orientd.daemon.planners.pool import MOST_WAITING, Planners
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
-from orientd.planner import MOTION_RECORD, DevicePlanner, Keyframe, MotionRequest
-from orientd.protocol.motion import from_request
-from orientd.rotation import exp
+from orientd.planner import MOTION_RECORD, DevicePlanner
 
 SETTINGS = config.default_settings().devices["arm"]
 HERE = record_at_rest(IDENTITY, ZERO, ())
 
 
 def motion(*angles, **fields):
-    keyframes = [Keyframe(tuple(exp([0.0, 0.0, angle]))) for angle in (0.0, *angles)]
-    return from_request(MotionRequest(keyframes, **fields)).SerializeToString()
+    return through([(0, 0, angle) for angle in (0.0, *angles)], **fields)
 
 
 SMALL = motion(0.1)
@@ -34,7 +32,8 @@ ENDLESS = motion(*np.tile([0.1, 0.2], 50_000))
 
 
 def job(content=SMALL, caller="", timeout=60.0):
-    return PlanRequest(content, caller, timeout, unix_ns=0).beginning("arm", HERE)
+    request = PlanRequest(content, caller=caller, timeout=timeout, unix_ns=0)
+    return request.beginning("arm", HERE)
 
 
 def endless(timeout, caller=""):
@@ -84,9 +83,9 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
 def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
     async def test(planners):
         with pytest.raises(RequestError, match=r"^keyframes: expected at least 1") as refused:
-            await planners.plan(job(b""))
+            await planners.plan(job(b"keyframes: []"))
         assert refused.value.field == "keyframes"
-        with pytest.raises(RequestError, match=r"^motion: cannot be read"):
+        with pytest.raises(RequestError, match=r"^a motion must be a mapping"):
             await planners.plan(job(b"nonsense"))
 
     run(test)
