@@ -22,6 +22,9 @@ MEBIBYTE = 1024 * 1024
 MOST_BYTES = 8 * MEBIBYTE
 """Of a YAML or JSON file; a keyframe takes about a hundred."""
 
+MOST_VALUES = 1_000_000
+"""Of such a file, those repeated by aliases included; each takes up to a hundred bytes."""
+
 SILENCE = 5.0
 """Longest silence of a pipe, s."""
 

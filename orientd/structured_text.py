@@ -21,7 +21,7 @@ from typing import Any
 import yaml
 
 from orientd.errors import RequestError
-from orientd.files import MEBIBYTE, MOST_BYTES, file_content, written
+from orientd.files import MEBIBYTE, MOST_BYTES, MOST_VALUES, file_content, written
 from orientd.model.plain import joined
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -38,9 +38,6 @@ _HINTS = {
 
 DEEPEST = 64
 """Levels of nesting that are read; a motion file has five."""
-
-MOST_VALUES = 1_000_000
-"""Values that are read, those repeated by aliases included; each takes up to a hundred bytes."""
 
 FREE_VALUES = 100_000
 """Of a short file, whose aliases may repeat more values than it has bytes."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, Unpack
 
 from orientd.errors import RequestError
-from orientd.files import MOST_BYTES, file_content
+from orientd.files import MOST_BYTES, MOST_VALUES, file_content
 from orientd.model.keyframes import keyframe_mappings
 from orientd.model.plain import to_plain
 from orientd.protocol import control_pb2 as pb
@@ -118,7 +118,8 @@ def _sent(mapping: dict[str, Any]) -> MotionText:
     columns = keyframe_columns(keyframes) if len(keyframes) > _MANY else None
     if columns is None:
         text = _text(mapping)
-        if len(text) <= MOST_BYTES:
+        # Each value but the first follows one of these.
+        if len(text) <= MOST_BYTES and sum(map(text.count, b",[{")) <= MOST_VALUES:
             return MotionText(text)
         # The quaternions of any other form are small enough.
         from orientd.model.reading import read_request, written
@@ -126,7 +127,7 @@ def _sent(mapping: dict[str, Any]) -> MotionText:
         mapping = written(read_request(mapping))
         columns = keyframe_columns(mapping["keyframes"])
         if columns is None:
-            problem = f"expected at most {MOST_BYTES >> 20} MiB of text, got {len(text) >> 20}"
+            problem = f"expected at most {MOST_BYTES >> 20} MiB and {MOST_VALUES} values as a text"
             raise RequestError("keyframes", problem)
     return MotionText(_text({**mapping, "keyframes": []}), "", columns)
 
