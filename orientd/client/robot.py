@@ -21,7 +21,7 @@ from orientd.client.channel import Way
 from orientd.client.connection import Connection, StartAt
 from orientd.client.leases import Leases
 from orientd.client.stop_call import ask_to_stop
-from orientd.errors import DaemonError, OrientdError, RequestError, StateError
+from orientd.errors import DaemonError, LeaseError, OrientdError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import CellReport
 
@@ -40,8 +40,12 @@ if TYPE_CHECKING:
 COMMAND_TIMEOUT = 65.0
 """Timeout of a command, s; the daemon gives up waiting for a device sooner."""
 
-_UNSEEN = ("expected a motion or a motion_id", "expected at least 1, got 0")
-"""Errors of a daemon that does not know the fields of a motion, as version 0.2 has them."""
+_UNSEEN = (
+    "motion: expected a motion or a motion_id",
+    "keyframes: expected at least 1, got 0",
+    "a command needs the lease",
+)
+"""Errors of a daemon that does not know the fields of a request, as that of version 0.2."""
 
 _REPORT_TIMEOUT = 1.0
 """Timeout of the daemon's report after a stop, s."""
@@ -404,11 +408,11 @@ class Robot:
 
     @contextlib.contextmanager
     def _naming_versions(self) -> Iterator[None]:
-        """Name both versions if the daemon is of an earlier one, which finds no motion."""
+        """Name both versions if the daemon is of an earlier one, which finds no motion or lease."""
         try:
             yield
-        except RequestError as error:
-            if not error.problem.startswith(_UNSEEN):
+        except (LeaseError, RequestError) as error:
+            if not str(error).startswith(_UNSEEN):
                 raise
             from importlib.metadata import version  # slow to load
 

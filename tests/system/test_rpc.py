@@ -306,15 +306,17 @@ def test_a_client_of_an_earlier_version_is_refused_with_both_versions(daemon):
 
 
 @pytest.mark.parametrize(
-    "problem",
+    "earlier",
     [
-        "keyframes: expected at least 1, got 0; add one",
-        "motion: expected a motion or a motion_id, got neither",
+        RequestError("keyframes", "expected at least 1, got 0; add one"),
+        RequestError("motion", "expected a motion or a motion_id, got neither"),
+        LeaseError("a command needs the lease: acquire it and send its token"),
     ],
+    ids=["no keyframes", "no motion", "no lease"],
 )
-def test_a_daemon_of_an_earlier_version_is_named_with_both_versions(daemon, monkeypatch, problem):
-    """It does not see the motion, since it knows no such field."""
-    earlier = RequestError(*problem.split(": "))
+def test_a_daemon_of_an_earlier_version_is_named_with_both_versions(daemon, monkeypatch, earlier):
+    """It does not see the motion and who takes the lease, since it knows no such fields."""
+    one = [{"rotation_vector": [0, 0, 1]}]
     with orientd.connect(daemon.socket) as robot:
         call = robot._connection.call
 
@@ -325,14 +327,15 @@ def test_a_daemon_of_an_earlier_version_is_named_with_both_versions(daemon, monk
 
         monkeypatch.setattr(robot._connection, "call", answer)
         for ask in (robot.plan, robot.move):
-            with pytest.raises(RequestError, match=problem.partition(";")[0]):
-                ask([{"rotation_vector": [0, 0, 1]}])  # of the same version: it says what it says
+            with pytest.raises(type(earlier), match=str(earlier)):
+                ask(one)  # of the same version: it says what it says
             with monkeypatch.context() as patched:
                 patched.setattr("importlib.metadata.version", lambda _: "9.9.9")
-                with pytest.raises(
-                    DaemonError, match=f"is of orientd {orientd.__version__}, .* 9.9.9"
-                ):
-                    ask([{"rotation_vector": [0, 0, 1]}])
+                versions = (
+                    f"is of orientd {orientd.__version__}, .* of this client, of orientd 9.9.9"
+                )
+                with pytest.raises(DaemonError, match=versions):
+                    ask(one)
 
 
 @pytest.mark.real
