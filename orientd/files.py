@@ -16,9 +16,15 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from orientd.errors import OrientdError
+from orientd.errors import OrientdError, RequestError
 
 MEBIBYTE = 1024 * 1024
+MOST_BYTES = 8 * MEBIBYTE
+"""Of a YAML or JSON file; a keyframe takes about a hundred."""
+
+MOST_VALUES = 1_000_000
+"""Of such a file, those repeated by aliases included; each takes up to a hundred bytes."""
+
 SILENCE = 5.0
 """Longest silence of a pipe, s."""
 
@@ -56,6 +62,18 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
         raise _too_large(most_bytes)
     finally:
         os.close(descriptor)
+
+
+def file_content(path: Path) -> bytes:
+    """Return the bytes of a YAML or JSON file.
+
+    Raises:
+        RequestError: it cannot be read, or has more than :data:`MOST_BYTES`.
+    """
+    try:
+        return read_bounded(path, MOST_BYTES)
+    except OSError as error:
+        raise RequestError("", f"cannot read {path}: {error.strerror}") from error
 
 
 def check_regular(path: Path, found: os.stat_result | None = None, most_bytes: int = 0) -> None:

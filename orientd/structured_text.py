@@ -21,7 +21,7 @@ from typing import Any
 import yaml
 
 from orientd.errors import RequestError
-from orientd.files import MEBIBYTE, read_bounded, written
+from orientd.files import MEBIBYTE, MOST_BYTES, MOST_VALUES, file_content, written
 from orientd.model.plain import joined
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -38,12 +38,6 @@ _HINTS = {
 
 DEEPEST = 64
 """Levels of nesting that are read; a motion file has five."""
-
-MOST_BYTES = 8 * MEBIBYTE
-"""Of a file; a keyframe takes about a hundred."""
-
-MOST_VALUES = 1_000_000
-"""Values that are read, those repeated by aliases included; each takes up to a hundred bytes."""
 
 FREE_VALUES = 100_000
 """Of a short file, whose aliases may repeat more values than it has bytes."""
@@ -65,14 +59,10 @@ def read_structured(path: Path) -> object:
     """Return the content of a YAML or JSON file.
 
     Raises:
-        RequestError: it cannot be read, has more than :data:`MOST_BYTES`, is neither YAML nor JSON,
-            is empty, or has a key twice.
+        RequestError: it cannot be read, has more than :data:`~orientd.files.MOST_BYTES`, is neither
+            YAML nor JSON, is empty, or has a key twice.
     """
-    try:
-        content = read_bounded(path, MOST_BYTES)
-    except OSError as error:
-        raise RequestError("", f"cannot read {path}: {error.strerror}") from error
-    return parse_structured(content, str(path))
+    return parse_structured(file_content(path), str(path))
 
 
 def parse_structured(content: bytes, source: str) -> object:

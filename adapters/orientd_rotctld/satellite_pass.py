@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.client.motion_request import motion_request
 from orientd.errors import RequestError
+from orientd.model.keyframes import keyframe_mappings
 from orientd.model.request import MotionRequest
+from orientd.motion_file import parse
 from orientd_serving.pointing import vectors
 
 if TYPE_CHECKING:
@@ -55,14 +56,16 @@ def satellite_pass(
             raise RequestError(f"{key}[{beyond[0]}]", problem)
     seconds, east, up = (given[key] for key in columns)
     angles = zip((-east).tolist(), up.tolist(), strict=True)
-    return motion_request(
-        [{"azimuth_elevation": {"azimuth": a, "elevation": e}} for a, e in angles],
-        times=seconds,
-        start_velocity=_omega(seconds[:3], east[:3], up[:3]),
-        end_velocity=_omega(seconds[:-4:-1], east[:-4:-1], up[:-4:-1]),
-        velocity_frame="world",
-        approach=True,
-        name=name,
+    directions = [{"azimuth_elevation": {"azimuth": a, "elevation": e}} for a, e in angles]
+    return parse(
+        {
+            "keyframes": keyframe_mappings(directions, times=seconds),
+            "start_velocity": _omega(seconds[:3], east[:3], up[:3]),
+            "end_velocity": _omega(seconds[:-4:-1], east[:-4:-1], up[:-4:-1]),
+            "velocity_frame": "world",
+            "approach": True,
+            "name": name,
+        }
     )
 
 

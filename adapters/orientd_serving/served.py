@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Protocol, Self, TypeVar, Unpack
 
-from orientd.client.motion_request import RequestFields
+from orientd.client.motion_text import RequestFields
 from orientd.client.move_handle import MoveHandle
 from orientd.client.playing import Playing
 from orientd.client.robot import Robot

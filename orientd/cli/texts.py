@@ -250,7 +250,7 @@ def device(of: pb.DeviceReport) -> list[str]:
         ]
     if of.keep_out:
         # Reading cones loads the model, which takes a tenth of a second.
-        from orientd.protocol.motion import to_cones
+        from orientd.protocol.cones import to_cones
 
         lines += [f"  keep-out     {cone(one)}" for one in to_cones(of.keep_out)]
     if of.held_at:

@@ -13,7 +13,7 @@ import sys
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, SupportsFloat, Unpack
 
@@ -21,25 +21,31 @@ from orientd.client.channel import Way
 from orientd.client.connection import Connection, StartAt
 from orientd.client.leases import Leases
 from orientd.client.stop_call import ask_to_stop
-from orientd.errors import OrientdError, RequestError, StateError
+from orientd.errors import DaemonError, LeaseError, OrientdError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import CellReport
 
 if TYPE_CHECKING:
     from orientd.client.daemon_clock import Offset
     from orientd.client.endless_turn import EndlessTurn
-    from orientd.client.motion_request import RequestFields
+    from orientd.client.motion_text import Keyframes, MotionText, RequestFields
     from orientd.client.move_handle import MoveHandle
     from orientd.client.observer import Observer
     from orientd.client.playing import Playing
     from orientd.client.teaching import Teaching
     from orientd.client.tracking import Tracking
-    from orientd.model.request import MotionRequest
     from orientd.stream.records import Cycle
 
 
 COMMAND_TIMEOUT = 65.0
 """Timeout of a command, s; the daemon gives up waiting for a device sooner."""
+
+_UNSEEN = (
+    "motion: expected a motion or a motion_id",
+    "keyframes: expected at least 1, got 0",
+    "a command needs the lease",
+)
+"""Errors of a daemon that does not know the fields of a request, as that of version 0.2."""
 
 _REPORT_TIMEOUT = 1.0
 """Timeout of the daemon's report after a stop, s."""
@@ -361,7 +367,7 @@ class Robot:
 
     def plan(
         self,
-        keyframes: Iterable[object] | MotionRequest,
+        keyframes: Keyframes | MotionText,
         *,
         device: str = "",
         sample_rate_hz: float = 0.0,
@@ -373,29 +379,49 @@ class Robot:
         It begins at the commanded state of the device, or at the end of its current motion.
 
         Args:
-            keyframes: see :func:`~orientd.client.motion_request.motion_request`.
+            keyframes: see :func:`~orientd.client.motion_text.motion_text`.
             device: name of the device.
             sample_rate_hz: rate of the samples for :func:`orientd.samples`, up to the device's own
                 rate; 0 for none.
             plan_timeout: s for planning; by default, and at most, the daemon's setting.
-            fields: see :class:`~orientd.client.motion_request.RequestFields`.
+            fields: see :class:`~orientd.client.motion_text.RequestFields`.
 
         Raises:
             RequestError: the motion is malformed.
             StateError: the device is not at rest and ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd.client.motion_request import motion_request, plan_seconds
-        from orientd.protocol.motion import from_request
+        from orientd.client.motion_text import motion_text, plan_seconds
 
+        motion = motion_text(keyframes, **fields)
         request = pb.PlanRequest(
             device=device,
-            motion=from_request(motion_request(keyframes, **fields)),
+            motion=motion.text,
+            source=motion.source,
+            columns=motion.columns,
             sample_rate_hz=sample_rate_hz,
             plan_timeout=plan_seconds(plan_timeout),
         )
-        plan: pb.Plan = self._connection.call(self._stub.Plan, request).plan
+        with self._naming_versions():
+            plan: pb.Plan = self._connection.call(self._stub.Plan, request).plan
         return plan
+
+    @contextlib.contextmanager
+    def _naming_versions(self) -> Iterator[None]:
+        """Name both versions if the daemon is of an earlier one, which finds no motion or lease."""
+        try:
+            yield
+        except (LeaseError, RequestError) as error:
+            if not str(error).startswith(_UNSEEN):
+                raise
+            from importlib.metadata import version  # slow to load
+
+            theirs, ours = self.state().daemon.version, version("orientd-motion")
+            if theirs == ours:
+                raise
+            problem = f"the daemon at {self._connection.way} is of orientd {theirs}, and cannot"
+            step = f"read the motions of this client, of orientd {ours}; update the older one"
+            raise DaemonError(f"{problem} {step}") from error
 
     def planned(
         self, motion_id: str = "", *, device: str = "", sample_rate_hz: float = 0.0
@@ -418,7 +444,7 @@ class Robot:
 
     def move(
         self,
-        keyframes: Iterable[object] | MotionRequest | pb.Plan,
+        keyframes: Keyframes | MotionText | pb.Plan,
         *,
         device: str = "",
         progress_rate_hz: float = 20.0,
@@ -435,7 +461,7 @@ class Robot:
         velocity or acceleration.  With *queue* it follows that motion instead.
 
         Args:
-            keyframes: see :func:`~orientd.client.motion_request.motion_request`; or a result of
+            keyframes: see :func:`~orientd.client.motion_text.motion_text`; or a result of
                 :meth:`plan`, if the device is at its start.
             device: name of the device.
             progress_rate_hz: reports a second, 0.1 to 100.
@@ -447,7 +473,7 @@ class Robot:
                 same start time stay in step.
             on_target: required measurement for the motion to count as done.
             plan_timeout: as for :meth:`plan`.
-            fields: see :class:`~orientd.client.motion_request.RequestFields`.
+            fields: see :class:`~orientd.client.motion_text.RequestFields`.
 
         Raises:
             RequestError: the motion is malformed.
@@ -456,9 +482,8 @@ class Robot:
                 motion began.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd.client.motion_request import motion_request, plan_seconds
+        from orientd.client.motion_text import motion_text, plan_seconds
         from orientd.client.move_handle import MoveHandle
-        from orientd.protocol.motion import from_request
 
         stops = self._stops_of(device)
         for name, number, step in (
@@ -475,7 +500,7 @@ class Robot:
         if isinstance(keyframes, pb.Plan):
             request.motion_id = keyframes.motion_id
         else:
-            request.motion.CopyFrom(from_request(motion_request(keyframes, **fields)))
+            request.motion, request.source, request.columns = motion_text(keyframes, **fields)
         request.queue, request.blend_tolerance = queue, blend_tolerance
         armed_by: float | None = None
         if isinstance(start_time, StartAt):
@@ -494,15 +519,16 @@ class Robot:
         if self._stops_of(device) != stops:
             # The daemon only knows of motions that it has been asked for.
             raise StateError("stopped by this client before the motion was asked for")
-        handle = MoveHandle(
-            self._connection.call(self._stub.Move, request),
-            explain=self._connection.explain,
-            armed_by=armed_by,
-            stop=lambda number: self._connection.ask(
-                self._stub.Stop,
-                pb.StopRequest(device=device, caller=self.holder, motion_number=number),
-            ),
-        )
+        with self._naming_versions():
+            handle = MoveHandle(
+                self._connection.call(self._stub.Move, request),
+                explain=self._connection.explain,
+                armed_by=armed_by,
+                stop=lambda number: self._connection.ask(
+                    self._stub.Stop,
+                    pb.StopRequest(device=device, caller=self.holder, motion_number=number),
+                ),
+            )
         if handle.lease is not None:
             self._leases.keep(handle.lease)
         if self._stops_of(device) != stops:

@@ -114,7 +114,8 @@ class AccessSettings(Table):
         audit: file of the audit log; by default ``audit.jsonl`` in the user's state directory.
         audit_bytes: size at which the daemon starts a new audit log.
         audit_files: number of earlier audit logs to keep.
-        message_bytes: largest size of a message; 200,000 keyframes with times take 8 MB.
+        message_bytes: largest size of a message.  A motion file of 8 MiB fits into the default; so
+            do 200,000 keyframes with times, as columns.
         keyframes: largest number of keyframes of a motion.
         streams: largest number of simultaneous calls of one identity; stops and lease renewals do
             not count.
@@ -129,7 +130,7 @@ class AccessSettings(Table):
     audit: SomePath | None = None
     audit_bytes: Annotated[int, Field(ge=4096)] = 10 * MEBIBYTE
     audit_files: Annotated[int, Field(ge=1, le=1000)] = 5
-    message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 8 * MEBIBYTE
+    message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 9 * MEBIBYTE
     keyframes: Count = 200_000
     streams: Count = 128
     connections: Count = 128

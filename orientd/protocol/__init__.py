@@ -1,7 +1,7 @@
 """The messages of the control socket, and what turns them into values and back.
 
-Other packages import from ``limits``, ``motion``, ``reports``, ``status``, ``stub``, ``targets``
-and ``values``.
+Other packages import from ``columns``, ``cones``, ``limits``, ``reports``, ``status``, ``stub``,
+``targets`` and ``values``.
 """
 
 from orientd.protocol.reports import CellReport, Samples, plain

@@ -1,6 +1,5 @@
 import datetime
 
-from google.protobuf import struct_pb2 as _struct_pb2
 from google.protobuf import timestamp_pb2 as _timestamp_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
@@ -39,23 +38,6 @@ class Fault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FAULT_SERVO_DIED: _ClassVar[Fault]
     FAULT_INTERNAL: _ClassVar[Fault]
     FAULT_SERVO_STALLED: _ClassVar[Fault]
-
-class PointingAxis(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
-    __slots__ = ()
-    POINTING_AXIS_UNSPECIFIED: _ClassVar[PointingAxis]
-    POINTING_AXIS_X: _ClassVar[PointingAxis]
-    POINTING_AXIS_Y: _ClassVar[PointingAxis]
-    POINTING_AXIS_Z: _ClassVar[PointingAxis]
-
-class Duration(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
-    __slots__ = ()
-    DURATION_UNSPECIFIED: _ClassVar[Duration]
-    DURATION_MINIMUM: _ClassVar[Duration]
-
-class Pace(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
-    __slots__ = ()
-    PACE_UNSPECIFIED: _ClassVar[Pace]
-    PACE_EVEN: _ClassVar[Pace]
 
 class EventKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -103,14 +85,6 @@ FAULT_HEARTBEAT_LOST: Fault
 FAULT_SERVO_DIED: Fault
 FAULT_INTERNAL: Fault
 FAULT_SERVO_STALLED: Fault
-POINTING_AXIS_UNSPECIFIED: PointingAxis
-POINTING_AXIS_X: PointingAxis
-POINTING_AXIS_Y: PointingAxis
-POINTING_AXIS_Z: PointingAxis
-DURATION_UNSPECIFIED: Duration
-DURATION_MINIMUM: Duration
-PACE_UNSPECIFIED: Pace
-PACE_EVEN: Pace
 EVENT_KIND_UNSPECIFIED: EventKind
 EVENT_KIND_READY: EventKind
 EVENT_KIND_MOTION_STARTED: EventKind
@@ -155,20 +129,6 @@ class Quaternion(_message.Message):
     z: float
     def __init__(self, w: _Optional[float] = ..., x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
 
-class EulerAngles(_message.Message):
-    __slots__ = ("axes", "degrees")
-    AXES_FIELD_NUMBER: _ClassVar[int]
-    DEGREES_FIELD_NUMBER: _ClassVar[int]
-    axes: str
-    degrees: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, axes: _Optional[str] = ..., degrees: _Optional[_Iterable[float]] = ...) -> None: ...
-
-class Matrix(_message.Message):
-    __slots__ = ("elements",)
-    ELEMENTS_FIELD_NUMBER: _ClassVar[int]
-    elements: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, elements: _Optional[_Iterable[float]] = ...) -> None: ...
-
 class Limits(_message.Message):
     __slots__ = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "axis_velocity", "axis_acceleration", "axis_jerk")
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
@@ -189,40 +149,8 @@ class Limits(_message.Message):
     axis_jerk: Vector3
     def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ..., axis_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., axis_acceleration: _Optional[_Union[Vector3, _Mapping]] = ..., axis_jerk: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
-class Keyframe(_message.Message):
-    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "direction", "azimuth_elevation", "look_at", "position", "turns", "free_roll", "frame", "relative", "name")
-    TIME_FIELD_NUMBER: _ClassVar[int]
-    QUATERNION_FIELD_NUMBER: _ClassVar[int]
-    ROTATION_VECTOR_FIELD_NUMBER: _ClassVar[int]
-    EULER_FIELD_NUMBER: _ClassVar[int]
-    MATRIX_FIELD_NUMBER: _ClassVar[int]
-    DIRECTION_FIELD_NUMBER: _ClassVar[int]
-    AZIMUTH_ELEVATION_FIELD_NUMBER: _ClassVar[int]
-    LOOK_AT_FIELD_NUMBER: _ClassVar[int]
-    POSITION_FIELD_NUMBER: _ClassVar[int]
-    TURNS_FIELD_NUMBER: _ClassVar[int]
-    FREE_ROLL_FIELD_NUMBER: _ClassVar[int]
-    FRAME_FIELD_NUMBER: _ClassVar[int]
-    RELATIVE_FIELD_NUMBER: _ClassVar[int]
-    NAME_FIELD_NUMBER: _ClassVar[int]
-    time: float
-    quaternion: Quaternion
-    rotation_vector: Vector3
-    euler: EulerAngles
-    matrix: Matrix
-    direction: Vector3
-    azimuth_elevation: AzimuthElevation
-    look_at: LookAt
-    position: Vector3
-    turns: int
-    free_roll: bool
-    frame: str
-    relative: bool
-    name: str
-    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: bool = ..., frame: _Optional[str] = ..., relative: bool = ..., name: _Optional[str] = ...) -> None: ...
-
 class KeyframeColumns(_message.Message):
-    __slots__ = ("quaternions", "times", "positions", "turns", "free_roll", "relative", "frames", "names")
+    __slots__ = ("quaternions", "times", "positions", "turns", "free_roll", "relative", "frames", "names", "rotation_vectors")
     QUATERNIONS_FIELD_NUMBER: _ClassVar[int]
     TIMES_FIELD_NUMBER: _ClassVar[int]
     POSITIONS_FIELD_NUMBER: _ClassVar[int]
@@ -231,6 +159,7 @@ class KeyframeColumns(_message.Message):
     RELATIVE_FIELD_NUMBER: _ClassVar[int]
     FRAMES_FIELD_NUMBER: _ClassVar[int]
     NAMES_FIELD_NUMBER: _ClassVar[int]
+    ROTATION_VECTORS_FIELD_NUMBER: _ClassVar[int]
     quaternions: _containers.RepeatedScalarFieldContainer[float]
     times: _containers.RepeatedScalarFieldContainer[float]
     positions: _containers.RepeatedScalarFieldContainer[float]
@@ -239,23 +168,8 @@ class KeyframeColumns(_message.Message):
     relative: _containers.RepeatedScalarFieldContainer[bool]
     frames: _containers.RepeatedScalarFieldContainer[str]
     names: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, quaternions: _Optional[_Iterable[float]] = ..., times: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., turns: _Optional[_Iterable[int]] = ..., free_roll: _Optional[_Iterable[bool]] = ..., relative: _Optional[_Iterable[bool]] = ..., frames: _Optional[_Iterable[str]] = ..., names: _Optional[_Iterable[str]] = ...) -> None: ...
-
-class Pose(_message.Message):
-    __slots__ = ("quaternion", "position")
-    QUATERNION_FIELD_NUMBER: _ClassVar[int]
-    POSITION_FIELD_NUMBER: _ClassVar[int]
-    quaternion: Quaternion
-    position: Vector3
-    def __init__(self, quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
-
-class NamedFrame(_message.Message):
-    __slots__ = ("base", "tool")
-    BASE_FIELD_NUMBER: _ClassVar[int]
-    TOOL_FIELD_NUMBER: _ClassVar[int]
-    base: Pose
-    tool: Pose
-    def __init__(self, base: _Optional[_Union[Pose, _Mapping]] = ..., tool: _Optional[_Union[Pose, _Mapping]] = ...) -> None: ...
+    rotation_vectors: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, quaternions: _Optional[_Iterable[float]] = ..., times: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., turns: _Optional[_Iterable[int]] = ..., free_roll: _Optional[_Iterable[bool]] = ..., relative: _Optional[_Iterable[bool]] = ..., frames: _Optional[_Iterable[str]] = ..., names: _Optional[_Iterable[str]] = ..., rotation_vectors: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class AzimuthElevation(_message.Message):
     __slots__ = ("azimuth", "elevation")
@@ -264,14 +178,6 @@ class AzimuthElevation(_message.Message):
     azimuth: float
     elevation: float
     def __init__(self, azimuth: _Optional[float] = ..., elevation: _Optional[float] = ...) -> None: ...
-
-class LookAt(_message.Message):
-    __slots__ = ("point", "place")
-    POINT_FIELD_NUMBER: _ClassVar[int]
-    PLACE_FIELD_NUMBER: _ClassVar[int]
-    point: Vector3
-    place: Vector3
-    def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Sun(_message.Message):
     __slots__ = ("latitude", "longitude", "north")
@@ -300,59 +206,6 @@ class KeepOut(_message.Message):
     margin_deg: float
     axis: Vector3
     def __init__(self, name: _Optional[str] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., sun: _Optional[_Union[Sun, _Mapping]] = ..., half_angle_deg: _Optional[float] = ..., margin_deg: _Optional[float] = ..., axis: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
-
-class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share", "rate", "notes", "columns", "keep_out")
-    class FramesEntry(_message.Message):
-        __slots__ = ("key", "value")
-        KEY_FIELD_NUMBER: _ClassVar[int]
-        VALUE_FIELD_NUMBER: _ClassVar[int]
-        key: str
-        value: NamedFrame
-        def __init__(self, key: _Optional[str] = ..., value: _Optional[_Union[NamedFrame, _Mapping]] = ...) -> None: ...
-    METHOD_FIELD_NUMBER: _ClassVar[int]
-    KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
-    VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
-    START_VELOCITY_FIELD_NUMBER: _ClassVar[int]
-    END_VELOCITY_FIELD_NUMBER: _ClassVar[int]
-    APPROACH_FIELD_NUMBER: _ClassVar[int]
-    LIMITS_FIELD_NUMBER: _ClassVar[int]
-    OPTIONS_FIELD_NUMBER: _ClassVar[int]
-    DEVICE_OPTIONS_FIELD_NUMBER: _ClassVar[int]
-    DURATION_FIELD_NUMBER: _ClassVar[int]
-    NAME_FIELD_NUMBER: _ClassVar[int]
-    POINTING_AXIS_FIELD_NUMBER: _ClassVar[int]
-    FRAME_FIELD_NUMBER: _ClassVar[int]
-    FRAMES_FIELD_NUMBER: _ClassVar[int]
-    DURATION_SECONDS_FIELD_NUMBER: _ClassVar[int]
-    PACE_FIELD_NUMBER: _ClassVar[int]
-    PACE_SHARE_FIELD_NUMBER: _ClassVar[int]
-    RATE_FIELD_NUMBER: _ClassVar[int]
-    NOTES_FIELD_NUMBER: _ClassVar[int]
-    COLUMNS_FIELD_NUMBER: _ClassVar[int]
-    KEEP_OUT_FIELD_NUMBER: _ClassVar[int]
-    method: str
-    keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
-    velocity_frame: Frame
-    start_velocity: Vector3
-    end_velocity: Vector3
-    approach: bool
-    limits: Limits
-    options: _struct_pb2.Struct
-    device_options: _struct_pb2.Struct
-    duration: Duration
-    name: str
-    pointing_axis: PointingAxis
-    frame: str
-    frames: _containers.MessageMap[str, NamedFrame]
-    duration_seconds: float
-    pace: Pace
-    pace_share: float
-    rate: Vector3
-    notes: _containers.RepeatedScalarFieldContainer[str]
-    columns: KeyframeColumns
-    keep_out: _containers.RepeatedCompositeFieldContainer[KeepOut]
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ..., rate: _Optional[_Union[Vector3, _Mapping]] = ..., notes: _Optional[_Iterable[str]] = ..., columns: _Optional[_Union[KeyframeColumns, _Mapping]] = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit", "on_records")
@@ -743,26 +596,30 @@ class WatchEventsResponse(_message.Message):
     def __init__(self, events: _Optional[_Iterable[_Union[Event, _Mapping]]] = ..., lost: _Optional[int] = ...) -> None: ...
 
 class Event(_message.Message):
-    __slots__ = ("device", "kind", "motion_number", "text", "time_ns", "plan", "motion", "samples", "path_index")
+    __slots__ = ("device", "kind", "motion_number", "text", "time_ns", "plan", "samples", "path_index", "motion", "source", "columns")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     TIME_NS_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
-    MOTION_FIELD_NUMBER: _ClassVar[int]
     SAMPLES_FIELD_NUMBER: _ClassVar[int]
     PATH_INDEX_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
     device: str
     kind: EventKind
     motion_number: int
     text: str
     time_ns: int
     plan: Plan
-    motion: MotionRequest
     samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
     path_index: int
-    def __init__(self, device: _Optional[str] = ..., kind: _Optional[_Union[EventKind, str]] = ..., motion_number: _Optional[int] = ..., text: _Optional[str] = ..., time_ns: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ..., path_index: _Optional[int] = ...) -> None: ...
+    motion: bytes
+    source: str
+    columns: bytes
+    def __init__(self, device: _Optional[str] = ..., kind: _Optional[_Union[EventKind, str]] = ..., motion_number: _Optional[int] = ..., text: _Optional[str] = ..., time_ns: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ..., path_index: _Optional[int] = ..., motion: _Optional[bytes] = ..., source: _Optional[str] = ..., columns: _Optional[bytes] = ...) -> None: ...
 
 class GetConfigurationRequest(_message.Message):
     __slots__ = ()
@@ -815,16 +672,22 @@ class ListDevicesResponse(_message.Message):
     def __init__(self, devices: _Optional[_Iterable[_Union[Device, _Mapping]]] = ...) -> None: ...
 
 class PlanRequest(_message.Message):
-    __slots__ = ("device", "motion", "sample_rate_hz", "plan_timeout")
+    __slots__ = ("device", "earlier_motion", "sample_rate_hz", "plan_timeout", "motion", "source", "columns")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
-    MOTION_FIELD_NUMBER: _ClassVar[int]
+    EARLIER_MOTION_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     PLAN_TIMEOUT_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
     device: str
-    motion: MotionRequest
+    earlier_motion: bytes
     sample_rate_hz: float
     plan_timeout: float
-    def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
+    motion: bytes
+    source: str
+    columns: bytes
+    def __init__(self, device: _Optional[str] = ..., earlier_motion: _Optional[bytes] = ..., sample_rate_hz: _Optional[float] = ..., plan_timeout: _Optional[float] = ..., motion: _Optional[bytes] = ..., source: _Optional[str] = ..., columns: _Optional[bytes] = ...) -> None: ...
 
 class PlanResponse(_message.Message):
     __slots__ = ("plan",)
@@ -849,11 +712,12 @@ class GetPlanResponse(_message.Message):
     def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "start_ns", "holder", "beside")
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "earlier_motion", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "start_ns", "holder", "beside", "source", "columns")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
     MOTION_ID_FIELD_NUMBER: _ClassVar[int]
+    EARLIER_MOTION_FIELD_NUMBER: _ClassVar[int]
     PROGRESS_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     QUEUE_FIELD_NUMBER: _ClassVar[int]
     BLEND_TOLERANCE_FIELD_NUMBER: _ClassVar[int]
@@ -863,10 +727,13 @@ class MoveRequest(_message.Message):
     START_NS_FIELD_NUMBER: _ClassVar[int]
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     BESIDE_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    motion: MotionRequest
+    motion: bytes
     motion_id: str
+    earlier_motion: bytes
     progress_rate_hz: float
     queue: bool
     blend_tolerance: float
@@ -876,7 +743,9 @@ class MoveRequest(_message.Message):
     start_ns: int
     holder: str
     beside: bool
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., start_ns: _Optional[int] = ..., holder: _Optional[str] = ..., beside: bool = ...) -> None: ...
+    source: str
+    columns: bytes
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[bytes] = ..., motion_id: _Optional[str] = ..., earlier_motion: _Optional[bytes] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., start_ns: _Optional[int] = ..., holder: _Optional[str] = ..., beside: bool = ..., source: _Optional[str] = ..., columns: _Optional[bytes] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")

@@ -36,14 +36,14 @@ def limits_to_wish(message: pb.Limits) -> Limits:
     Raises:
         RequestError: one is not positive, or is given twice.
     """
-    rates = asked_rates(message)
+    rates = _asked_rates(message)
     try:
         return Limits.partial(**rates)
     except ValueError as error:
         raise RequestError("limits", str(error)) from error
 
 
-def asked_rates(message: pb.Limits) -> dict[str, Any]:
+def _asked_rates(message: pb.Limits) -> dict[str, Any]:
     """Return the limits that *message* gives, each as a person would write it.
 
     Raises:

@@ -8,6 +8,8 @@ from orientd.model.limits import UNITS
 from orientd.protocol import control_pb2 as pb
 
 if TYPE_CHECKING:
+    from google.protobuf.message import Message
+
     from orientd.driver import Quaternion, Vector3
 
 RATES = tuple(UNITS)
@@ -31,3 +33,22 @@ def quaternion(q: Quaternion) -> pb.Quaternion:
 def to_quaternion(message: pb.Quaternion) -> Quaternion:
     """Return the quaternion of a message."""
     return (message.w, message.x, message.y, message.z)
+
+
+def field_number(message: type[Message], name: str) -> int:
+    """Return the number of a field of *message*."""
+    number: int = message.DESCRIPTOR.fields_by_name[name].number
+    return number
+
+
+def embedded(number: int, content: bytes) -> bytes:
+    """Return serialised *content* as the field with that number of another message.
+
+    The field is a message or bytes.  Serialised messages put one behind the other are merged.
+    """
+    size, length = len(content), bytearray()
+    while size > 0x7F:
+        length.append(size & 0x7F | 0x80)
+        size >>= 7
+    length.append(size)
+    return bytes([number << 3 | 2]) + length + content

@@ -63,7 +63,7 @@ def frames(device: str, cycles: Table, offset_ns: int) -> Iterator[tuple[int, Fr
 def log_line(event: pb.Event, time_ns: int) -> Log:
     """Return an event as a line of the log, at a time of day."""
     kind = pb.EventKind.Name(event.kind).removeprefix("EVENT_KIND_").replace("_", " ").lower()
-    motion = f" {titled(event.motion_number, event.motion.name)}" if event.motion_number else ""
+    motion = f" {titled(event.motion_number, event.plan.name)}" if event.motion_number else ""
     text = f": {event.text}" if event.text else ""
     return Log(
         timestamp=_stamp(time_ns),

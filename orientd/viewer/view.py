@@ -17,7 +17,7 @@ from orientd.client.stop_call import ask_to_stop
 from orientd.errors import LeaseError, OrientdError
 from orientd.floats import combine, cross, norm
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import to_cones
+from orientd.protocol.cones import to_cones
 from orientd.protocol.reports import samples
 from orientd.viewer import words
 from orientd.viewer.charts import SPAN, charts_of

@@ -11,6 +11,8 @@ import threading
 from pathlib import Path
 from types import SimpleNamespace
 
+from motions import motion_of
+
 from orientd.client.channel import Way
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.stub import control_stub
@@ -21,15 +23,15 @@ STEP = 0.1
 """Time between two keyframes, s."""
 
 
-def motion(count: int = KEYFRAMES) -> pb.MotionRequest:
+def motion(count: int = KEYFRAMES) -> bytes:
     """Return a timed motion of *count* keyframes, :data:`STEP` apart."""
     keyframes = []
     for k in range(count):
         t = STEP * k
         tilt, turn = 0.2 * math.sin(0.9 * t), 0.3 * (1.0 - math.cos(0.5 * t))
-        vector = pb.Vector3(x=tilt, y=0.1 * math.sin(0.4 * t), z=turn)
-        keyframes.append(pb.Keyframe(time=t, rotation_vector=vector))
-    return pb.MotionRequest(keyframes=keyframes, approach=True)
+        vector = [tilt, 0.1 * math.sin(0.4 * t), turn]
+        keyframes.append({"time": t, "rotation_vector": vector})
+    return motion_of(*keyframes, approach=True)
 
 
 def watch(stub: SimpleNamespace, device: str) -> None:

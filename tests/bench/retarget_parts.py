@@ -29,6 +29,7 @@ from types import SimpleNamespace
 
 import grpc
 import numpy as np
+from motions import through
 from servo_lateness import DEVICE, control, daemon
 
 from orientd.errors import OrientdError
@@ -146,7 +147,7 @@ def _measure(
 
 
 def _retarget(
-    stub: SimpleNamespace, token: str, motion: pb.MotionRequest
+    stub: SimpleNamespace, token: str, motion: bytes
 ) -> tuple[Iterator[pb.MoveResponse], _Retarget]:
     request = pb.MoveRequest(lease_token=token, device=DEVICE, motion=motion, progress_rate_hz=0.1)
     sent_ns = time.monotonic_ns()
@@ -159,15 +160,14 @@ def _retarget(
     return call, _Retarget(started.motion_number, timing.attempts, marks_ns)
 
 
-def aims(count: int, chance: random.Random) -> pb.MotionRequest:
+def aims(count: int, chance: random.Random) -> bytes:
     """Return *count* keyframes at most a third of a radian apart, the first of them anywhere."""
     vector = [chance.uniform(-1.0, 1.0) for _ in range(3)]
     keyframes = []
     for _ in range(count):
-        x, y, z = vector
-        keyframes.append(pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)))
+        keyframes.append(vector)
         vector = [part + chance.uniform(-_STEP, _STEP) / 2.0 for part in vector]
-    return pb.MotionRequest(keyframes=keyframes, approach=True)
+    return through(keyframes, approach=True)
 
 
 @contextlib.contextmanager

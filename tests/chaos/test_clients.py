@@ -7,6 +7,7 @@ import time
 import grpc
 import pytest
 from harness import DEVICE, channel_to, until
+from motions import motion_of
 from scenes import under_way
 from stage import rehearse
 from tally import Tally
@@ -110,13 +111,11 @@ def oversized(stage, generator, tally):
 
 def _requests(token, generator):
     """Return a harmless request of every kind, for random changes."""
-    motion = pb.MotionRequest(
-        keyframes=[
-            pb.Keyframe(rotation_vector=pb.Vector3(x=generator.uniform(-4, 4)), time=k)
-            for k in range(3)
-        ],
-        start_velocity=pb.Vector3(z=1.0),
-        velocity_frame=pb.FRAME_BODY,
+    turns = [[generator.uniform(-4, 4), 0.0, 0.0] for _ in range(3)]
+    motion = motion_of(
+        *({"rotation_vector": vector, "time": k} for k, vector in enumerate(turns)),
+        start_velocity=[0.0, 0.0, 1.0],
+        velocity_frame="body",
         approach=True,
     )
     return {

@@ -12,6 +12,7 @@ from functools import partial
 from types import SimpleNamespace
 
 from faults import AT_REST, Faults
+from motions import motion_of
 
 from orientd.config import Role
 from orientd.daemon.access.identity import Caller, Identity
@@ -120,22 +121,24 @@ class Client:
     def motion(self):
         random = self.random
         keyframes = [self._keyframe() for _ in range(random.choice((1, 1, 1, 2, 4)))]
-        motion = pb.MotionRequest(keyframes=keyframes, approach=True)
+        fields = {}
         if random.random() < 0.3:
-            motion.end_velocity.CopyFrom(self._vector(0.4))
-            motion.velocity_frame = pb.FRAME_BODY
+            fields.update(end_velocity=self._numbers(0.4), velocity_frame="body")
         if random.random() < 0.4:
-            motion.limits.velocity = random.choice((0.05, 0.1, 0.2, 1.0, 2.5))
-        return motion
+            fields["limits"] = {"velocity": random.choice((0.05, 0.1, 0.2, 1.0, 2.5))}
+        return motion_of(*keyframes, **fields, approach=True)
 
     def _keyframe(self):
-        keyframe = pb.Keyframe(rotation_vector=self._vector(random_size(self.random)))
+        keyframe = {"rotation_vector": self._numbers(random_size(self.random))}
         if self.random.random() < 0.3:
-            keyframe.position.CopyFrom(self._vector(0.3))
+            keyframe["position"] = self._numbers(0.3)
         return keyframe
 
+    def _numbers(self, size):
+        return [self.random.gauss(0.0, size) for _ in range(3)]
+
     def _vector(self, size):
-        x, y, z = (self.random.gauss(0.0, size) for _ in range(3))
+        x, y, z = self._numbers(size)
         return pb.Vector3(x=x, y=y, z=z)
 
     def move(self, **options):
@@ -143,7 +146,7 @@ class Client:
         request = pb.MoveRequest(device="arm", lease_token=self.token, **options)
         request.progress_rate_hz = self.random.choice((1.0, 20.0))
         if not request.motion_id:
-            request.motion.CopyFrom(self.motion())
+            request.motion = self.motion()
         if not self.token:
             request.holder, request.beside = self.name, self.random.random() < 0.5
         if self.random.random() < 0.2:
@@ -406,8 +409,8 @@ class Mender(Client):
             system.tell(f"no orderly end: {daemon.has_ended}, {servo.returncode}")
 
     def move_home(self):
-        keyframe = pb.Keyframe(quaternion=pb.Quaternion(w=1.0), position=pb.Vector3())
-        motion = pb.MotionRequest(keyframes=[keyframe], approach=True)
+        keyframe = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}, "position": [0, 0, 0]}
+        motion = motion_of(keyframe, approach=True)
         self.begin_move(pb.MoveRequest(device="arm", lease_token=self.token, motion=motion))
         self.system.scheduler.spawn(partial(self.keep, lapses=0.0), "keep")
 

@@ -16,6 +16,7 @@ from collections import Counter
 
 import grpc
 import numpy as np
+from motions import motion_of, through
 
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
@@ -25,8 +26,8 @@ STEP = 0.004
 """s from keyframe to keyframe of a large file."""
 
 
-def large_motion(keyframes: int, **more) -> pb.MotionRequest:
-    """Return a timed wandering that grows from rest and falls back to it."""
+def large_motion(keyframes: int, **more) -> dict[str, bytes]:
+    """Return the fields of a timed wandering that grows from rest and falls back to it."""
     times = STEP * np.arange(keyframes)
     ramp = np.clip(np.minimum(times, times[-1] - times) / min(2.0, 0.5 * times[-1]), 0.0, 1.0)
     ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
@@ -35,20 +36,18 @@ def large_motion(keyframes: int, **more) -> pb.MotionRequest:
     )
     keys = exp((ramp * vectors).T)
     columns = pb.KeyframeColumns(quaternions=keys.ravel().tolist(), times=times.tolist())
-    return pb.MotionRequest(columns=columns, approach=True, **more)
+    motion = motion_of(approach=True, **more)
+    return {"motion": motion, "columns": columns.SerializeToString()}
 
 
-def endless_motion(keyframes: int = 6000) -> pb.MotionRequest:
+def endless_motion(keyframes: int = 6000) -> bytes:
     """Return a motion that takes minutes to plan in little memory and can be cancelled any time.
 
     The search for the curve of least acceleration takes many steps, each over all keyframes.
     """
     numbers = 0.7 * np.arange(keyframes)
     vectors = np.stack([np.sin(numbers), np.cos(1.3 * numbers), np.sin(0.4 * numbers)], axis=1)
-    frames = [
-        pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in vectors.tolist()
-    ]
-    return pb.MotionRequest(keyframes=frames, method="min_acceleration", approach=True)
+    return through(vectors.tolist(), method="min_acceleration", approach=True)
 
 
 def raw_channel(socket: str) -> grpc.Channel:
@@ -63,7 +62,7 @@ def main(socket: str, device: str, clients: int, keyframes: int, at_once: int) -
     """Plan until standard input is closed."""
     met: Counter[str] = Counter()
     large, largest = (
-        pb.PlanRequest(device=device, motion=large_motion(n)).SerializeToString()
+        pb.PlanRequest(device=device, **large_motion(n)).SerializeToString()
         for n in (keyframes, 2 * keyframes)
     )
 

@@ -20,6 +20,7 @@ import grpc
 import numpy as np
 import pytest
 from harness import until
+from motions import through
 from storm_rig import Rig, await_idle, memory_mib
 
 from orientd.protocol import control_pb2 as pb
@@ -82,10 +83,9 @@ def aims(count, chance):
     vector = [chance.uniform(-1.0, 1.0) for _ in range(3)]
     keyframes = []
     for _ in range(count):
-        rotation_vector = pb.Vector3(**dict(zip("xyz", vector, strict=True)))
-        keyframes.append(pb.Keyframe(rotation_vector=rotation_vector))
+        keyframes.append(vector)
         vector = [part + chance.uniform(-0.15, 0.15) for part in vector]
-    return pb.MotionRequest(keyframes=keyframes, approach=True)
+    return through(keyframes, approach=True)
 
 
 def run_slot(stub, token, chance):

@@ -61,7 +61,7 @@ def test_what_a_plan_took_is_given_back_when_it_ends_at_its_deadline(hasty_rig, 
 
 @pytest.mark.storm
 def test_many_large_plans_of_one_caller_do_not_hold_up_another(rig):
-    large = pb.PlanRequest(device=DEVICE, motion=large_motion(50_000))
+    large = pb.PlanRequest(device=DEVICE, **large_motion(50_000))
     await_idle(rig, PROMPT)
     begun = time.monotonic()
     rig.stub.Plan(large)

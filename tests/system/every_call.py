@@ -21,7 +21,7 @@ TIMEOUT = 30.0  # s; of a machine under load
 
 def requests(method, token):
     """Return messages that would change something, where a call of *method* may."""
-    motion = pb.MotionRequest(keyframes=[pb.Keyframe(rotation_vector=pb.Vector3(x=0.2))])
+    motion = b'{"keyframes": [{"rotation_vector": [0.2, 0, 0]}]}'
     known = {
         "Move": [pb.MoveRequest(lease_token=token, motion=motion)],
         "Plan": [pb.PlanRequest(motion=motion)],

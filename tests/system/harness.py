@@ -20,12 +20,12 @@ from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 from judge import Judge, judged
+from motions import motion_of, through
 
-from orientd import connect, planner
+from orientd import connect, motion_file, planner
 from orientd.driver import Setpoint
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import to_request
 from orientd.protocol.stub import control_stub
 from orientd.stream.records import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
 from orientd_loopback import read_recording
@@ -348,9 +348,11 @@ class DaemonProcess:
         found = children(self.process.pid) - {self.device().servo_pid}
         return found.union(*map(children, found))
 
-    def move(self, motion: pb.MotionRequest):
+    def move(self, motion: bytes, columns: bytes = b""):
         """Begin a motion and return the stream of its progress after the start."""
-        request = pb.MoveRequest(lease_token=self.token, device=DEVICE, motion=motion)
+        request = pb.MoveRequest(
+            lease_token=self.token, device=DEVICE, motion=motion, columns=columns
+        )
         # gRPC cancels a call without references, which ends the motion.
         self.stream = self.stub.Move(request)
         self.started = next(iter(self.stream)).started
@@ -390,38 +392,31 @@ class DaemonProcess:
         return np.array([setpoint.q for setpoint in read_recording(self.recording)])
 
 
-def spin(seconds: float, *, start=(0.0, 0.0, 0.4), end=(0.3, 0.0, 0.5)) -> pb.MotionRequest:
+def spin(seconds: float, *, start=(0.0, 0.0, 0.4), end=(0.3, 0.0, 0.5)) -> bytes:
     """Return a timed motion about changing axes, with velocity at both ends."""
     times = np.linspace(0.0, seconds, max(3, round(seconds / 0.4) + 1))
-    keyframes = [
-        pb.Keyframe(
-            time=t,
-            rotation_vector=pb.Vector3(
-                x=0.3 * np.sin(0.8 * t), y=0.2 * np.sin(1.1 * t), z=0.4 * t + 0.1 * np.sin(t)
-            ),
-        )
-        for t in times
-    ]
-    return pb.MotionRequest(
-        keyframes=keyframes,
-        velocity_frame=pb.FRAME_BODY,
-        start_velocity=pb.Vector3(x=start[0], y=start[1], z=start[2]),
-        end_velocity=pb.Vector3(x=end[0], y=end[1], z=end[2]),
-        approach=True,
+    x, y, z = (
+        0.3 * np.sin(0.8 * times),
+        0.2 * np.sin(1.1 * times),
+        0.4 * times + 0.1 * np.sin(times),
     )
+    keyframes = [
+        {"time": t, "rotation_vector": vector}
+        for t, vector in zip(times.tolist(), np.stack([x, y, z], axis=1).tolist(), strict=True)
+    ]
+    velocities = {"start_velocity": list(start), "end_velocity": list(end)}
+    return motion_of(*keyframes, **velocities, velocity_frame="body", approach=True)
 
 
-def nudge(angle: float) -> pb.MotionRequest:
+def nudge(angle: float) -> bytes:
     """Return a small turn, as fast as the limits allow."""
-    vectors = (pb.Vector3(), pb.Vector3(x=0.5 * angle), pb.Vector3(x=angle, z=angle))
-    keyframes = [pb.Keyframe(rotation_vector=vector) for vector in vectors]
-    return pb.MotionRequest(keyframes=keyframes, approach=True)
+    return through([(0, 0, 0), (0.5 * angle, 0, 0), (angle, 0, angle)], approach=True)
 
 
-def planned_path(daemon: DaemonProcess, request: pb.MotionRequest) -> planner.Motion:
+def planned_path(daemon: DaemonProcess, motion: bytes) -> planner.Motion:
     """Return the motion as the daemon has planned it, from the loopback's first orientation."""
     return planner.plan(
-        to_request(request),
+        motion_file.loads(motion),
         start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         limits=planner.DEFAULT_LIMITS,
         period=daemon.period,

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
 import itertools
+import json
 import math
 from collections import Counter
 
@@ -15,6 +17,8 @@ import grpc
 from every_call import SERVICE, requests
 from google.protobuf import message_factory
 
+from orientd.model.orientation import FORMS
+from orientd.model.request import MotionRequest
 from orientd.protocol import control_pb2 as pb
 
 CHANNELS = 4
@@ -86,8 +90,10 @@ def anything(rng, field):
         case field.CPPTYPE_BOOL:
             return rng.random() < 0.5
         case field.CPPTYPE_STRING if field.type == field.TYPE_BYTES:
-            motion = fill(rng, pb.MotionRequest()).SerializeToString()
-            return rng.choice((motion, motion[:-3], rng.randbytes(rng.randrange(50))))
+            columns = fill(rng, pb.KeyframeColumns()).SerializeToString()
+            motion = some_motion(rng)
+            parts = motion, motion[:-3], columns, columns[:-3], rng.randbytes(rng.randrange(50))
+            return rng.choice(parts)
         case field.CPPTYPE_STRING:
             return rng.choice(TEXTS)
         case field.CPPTYPE_INT32:
@@ -99,6 +105,16 @@ def anything(rng, field):
         case field.CPPTYPE_UINT64:
             return rng.choice((0, 1, 7, 2**64 - 1))
     return rng.randbytes(rng.randrange(50))
+
+
+def some_motion(rng):
+    """Return the text of a motion whose values are anything."""
+    values = (*FLOATS, *TEXTS, True, None, [], {}, [0, 0, 1], {"w": 1, "x": 0, "y": 0, "z": 0})
+    names = [field.name for field in dataclasses.fields(MotionRequest)]
+    forms = rng.choices((*FORMS, "time", "position", "turns", "name"), k=2)
+    keyframes = [{key: rng.choice(values) for key in forms} for _ in range(rng.choice((1, 2, 5)))]
+    fields = {key: rng.choice(values) for key in rng.sample(names, 2) if rng.random() < 0.5}
+    return json.dumps({"keyframes": keyframes, **fields}).encode()
 
 
 def some_nonsense(rng, without=()):

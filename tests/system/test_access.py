@@ -300,7 +300,8 @@ def test_commands_and_refusals_are_recorded_without_secrets(cell):
     stub, token = cell.daemon.stub, cell.daemon.token
     stub.SetSpeed(pb.SetSpeedRequest(lease_token=token, speed=0.9))
     stub.SetSpeed(pb.SetSpeedRequest(lease_token=token, speed=1.0))
-    *_, last = cell.daemon.move(spin(1.0))
+    motion = json.dumps({**json.loads(spin(1.0)), "name": "swing"}).encode()
+    *_, last = cell.daemon.move(motion)
     assert last.summary.outcome == pb.OUTCOME_DONE
     with cell.channel("watcher") as channel:
         walk(channel, token)
@@ -322,6 +323,8 @@ def test_commands_and_refusals_are_recorded_without_secrets(cell):
         last.summary.motion_number,
         "OUTCOME_DONE",
     )
+    asked = moved["request"]["motion"]
+    assert (asked["name"], asked["bytes"]) == ("swing", len(motion))
     refused = mine("answered", "Enable", "certificate:watcher")[-1]
     assert refused["outcome"] == "PERMISSION_DENIED"
     assert refused["role"] == "observer"

@@ -15,6 +15,7 @@ import pytest
 from command_line import COMMAND, assert_refused, environment, orientd
 from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 from harness import DEVICE, DaemonProcess, health, is_alive, resident_kib, spin, until
+from motions import through
 
 import orientd as package
 from orientd import __version__, processor
@@ -168,10 +169,7 @@ def test_a_servo_that_is_suspended_ends_in_order_with_its_daemon(tmp_path):
 def test_a_daemon_that_is_told_to_end_while_it_plans_ends(tmp_path):
     with DaemonProcess(tmp_path / "daemon") as daemon:
         turns = np.cumsum(np.random.default_rng(1).normal(0.0, 0.05, (20_000, 3)), axis=0).tolist()
-        keyframes = [pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in turns]
-        plan = daemon.stub.Plan.future(
-            pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes, approach=True))
-        )
+        plan = daemon.stub.Plan.future(pb.PlanRequest(motion=through(turns, approach=True)))
         # Others are served meanwhile, so the request has arrived once they were.
         for _ in range(50):
             daemon.device()

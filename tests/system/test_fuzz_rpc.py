@@ -10,6 +10,7 @@ import grpc
 import pytest
 from every_call import SERVICE, call
 from harness import DaemonProcess, is_alive, resident_kib, until
+from motions import motion_of
 from nonsense import pour
 
 from orientd.protocol import control_pb2 as pb
@@ -97,17 +98,18 @@ def test_a_message_too_large_or_a_motion_too_long_is_refused(tmp_path, name):
         turns = [(math.cos(0.001 * k), math.sin(0.001 * k)) for k in range(count)]
         if name == "columns":
             numbers = [number for w, x in turns for number in (w, x, 0.0, 0.0)]
-            return pb.MotionRequest(columns=pb.KeyframeColumns(quaternions=numbers))
-        keyframes = [pb.Keyframe(quaternion=pb.Quaternion(w=w, x=x)) for w, x in turns]
-        return pb.MotionRequest(keyframes=keyframes)
+            columns = pb.KeyframeColumns(quaternions=numbers)
+            return pb.PlanRequest(motion=b"{}", columns=columns.SerializeToString())
+        keyframes = [{"quaternion": {"w": w, "x": x, "y": 0, "z": 0}} for w, x in turns]
+        return pb.PlanRequest(motion=motion_of(*keyframes))
 
     with limited(tmp_path, "message_bytes = 20000\nkeyframes = 50") as daemon:
         stub = control_stub(daemon.channel)
-        stub.Plan(pb.PlanRequest(motion=motion(50)))
+        stub.Plan(motion(50))
         with pytest.raises(grpc.RpcError, match="keyframes: expected at most 50, got 51"):
-            stub.Plan(pb.PlanRequest(motion=motion(51)))
+            stub.Plan(motion(51))
         with pytest.raises(grpc.RpcError, match="the message is too large"):
-            stub.Plan(pb.PlanRequest(motion=motion(2000)))
+            stub.Plan(motion(2000))
 
 
 def test_bytes_that_are_no_request_are_refused_in_one_line(tmp_path):

@@ -103,7 +103,7 @@ def test_a_recording_has_plan_certificate_request_and_settings(recorded):
     assert kinds == [pb.EVENT_KIND_MOTION_STARTED, pb.EVENT_KIND_MOTION_DONE]
     started = recording.events[0]
     assert started.plan == daemon.started.plan
-    assert started.motion.end_velocity == pb.Vector3(x=0.3, y=0.0, z=0.5)
+    assert json.loads(started.motion)["end_velocity"] == [0.3, 0.0, 0.5]
     path = daemon.folder.with_name("a.mcap")
     assert configurations(path)[""]["devices"][DEVICE]["driver"] == "loopback"
     assert states(path)[0].devices[0].name == DEVICE

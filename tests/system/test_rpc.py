@@ -12,7 +12,7 @@ import grpc
 import numpy as np
 import pytest
 from google.rpc import error_details_pb2, status_pb2
-from harness import DEVICE, DaemonProcess, channel_to, resident_kib, spin, until
+from harness import DEVICE, DaemonProcess, channel_to, nudge, resident_kib, spin, until
 from scipy.spatial.transform import Rotation
 
 import orientd
@@ -26,6 +26,7 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
+from orientd.files import MOST_BYTES
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.protocol.reports import samples
@@ -276,16 +277,70 @@ def test_two_hundred_thousand_keyframes_fit_into_a_message(daemon):
     columns.quaternions[0] = 1.1
     with pytest.raises(grpc.RpcError) as caught:
         # Longer than a plan may take by itself: reading them takes a busy machine its time.
-        daemon.stub.Plan(pb.PlanRequest(motion=pb.MotionRequest(columns=columns)), timeout=60.0)
+        daemon.stub.Plan(
+            pb.PlanRequest(motion=b"{}", columns=columns.SerializeToString()), timeout=60.0
+        )
     assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
     assert caught.value.details().startswith("keyframes[0].quaternion: norm must be 1")
 
 
 @pytest.mark.real
+def test_the_largest_motion_file_fits_into_a_message(daemon, tmp_path):
+    path, text = tmp_path / "motion.yaml", nudge(0.1)
+    path.write_bytes(text + b"\n#".ljust(MOST_BYTES - len(text), b"x"))
+    with orientd.connect(daemon.socket) as robot:
+        assert robot.plan(path).duration > 0.0
+
+
+def test_a_client_of_an_earlier_version_is_refused_with_both_versions(daemon):
+    """Its motion, a message, has field number 2 in a PlanRequest and 3 in a MoveRequest."""
+    plan, move = (pb.PlanRequest.FromString(b"\x12\x01x"), pb.MoveRequest.FromString(b"\x1a\x01x"))
+    move.holder = "ana"
+    for call in (lambda: daemon.stub.Plan(plan), lambda: next(daemon.stub.Move(move))):
+        with pytest.raises(grpc.RpcError) as caught:
+            call()
+        versions = (
+            f"0.2 or earlier, and its motions cannot be read by orientd {orientd.__version__}"
+        )
+        assert versions in caught.value.details()
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        RequestError("keyframes", "expected at least 1, got 0; add one"),
+        RequestError("motion", "expected a motion or a motion_id, got neither"),
+        LeaseError("a command needs the lease: acquire it and send its token"),
+    ],
+    ids=["no keyframes", "no motion", "no lease"],
+)
+def test_a_daemon_of_an_earlier_version_is_named_with_both_versions(daemon, monkeypatch, earlier):
+    """It does not see the motion and who takes the lease, since it knows no such fields."""
+    one = [{"rotation_vector": [0, 0, 1]}]
+    with orientd.connect(daemon.socket) as robot:
+        call = robot._connection.call
+
+        def answer(method, request, **options):
+            if isinstance(request, pb.GetStateRequest):
+                return call(method, request, **options)
+            raise earlier
+
+        monkeypatch.setattr(robot._connection, "call", answer)
+        for ask in (robot.plan, robot.move):
+            with pytest.raises(type(earlier), match=str(earlier)):
+                ask(one)  # of the same version: it says what it says
+            with monkeypatch.context() as patched:
+                patched.setattr("importlib.metadata.version", lambda _: "9.9.9")
+                versions = (
+                    f"is of orientd {orientd.__version__}, .* of this client, of orientd 9.9.9"
+                )
+                with pytest.raises(DaemonError, match=versions):
+                    ask(one)
+
+
+@pytest.mark.real
 def test_more_than_a_message_holds_is_refused_in_one_line(daemon):
-    options = {"name": "x" * (65 * 1024 * 1024)}
-    request = pb.PlanRequest(motion=pb.MotionRequest())
-    request.motion.options.update(options)
+    request = pb.PlanRequest(motion=b"x" * (65 * 1024 * 1024))
     with orientd.connect(daemon.socket) as robot, pytest.raises(RequestError, match="too large"):
         robot._connection.call(robot._stub.Plan, request)
 
@@ -366,7 +421,7 @@ def test_refused_plans_leave_no_memory(tmp_path):
             for one in asked:
                 one.cancel()
             until(lambda asked=asked: all(one.done() for one in asked), "the end of the calls")
-        assert len(motion.SerializeToString()) > 500_000
+        assert len(motion) > 500_000
         assert resident_kib(daemon.process.pid, "VmHWM") < 256 * 1024
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from command_line import orientd
 from harness import DEVICE, DaemonProcess, spin, until
+from motions import motion_of
 
 from orientd.protocol import control_pb2 as pb
 
@@ -61,7 +62,7 @@ def test_a_reload_changes_what_can_change_and_names_what_cannot(tmp_path):
         until(lambda: "reload: changed: access.keyframes" in log(daemon), "the reload")
         fixed = f"reload: needs a restart: devices.{DEVICE}.rate_hz"
         until(lambda: fixed in log(daemon), "what cannot be changed")
-        motion = pb.MotionRequest(keyframes=[pb.Keyframe(time=float(k)) for k in range(3)])
+        motion = motion_of(*({"time": float(k)} for k in range(3)))
         with pytest.raises(grpc.RpcError, match="expected at most 2, got 3"):
             daemon.stub.Plan(pb.PlanRequest(motion=motion))
         daemon.config.write_text("nonsense")

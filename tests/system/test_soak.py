@@ -46,14 +46,12 @@ def test_a_motion_of_100_000_keyframes_streams_with_flat_memory(tmp_path):
     ramp = np.clip(np.minimum(times, end - times) / 2.0, 0.0, 1.0)
     ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
     x, y, z = 0.3 * np.sin(0.8 * times), 0.2 * np.sin(1.1 * times), 0.4 * np.sin(0.3 * times)
-    keyframes = [
-        pb.Keyframe(time=t, rotation_vector=pb.Vector3(x=a, y=b, z=c))
-        for t, a, b, c in zip(times, ramp * x, ramp * y, ramp * z, strict=True)
-    ]
+    vectors = np.stack([ramp * x, ramp * y, ramp * z], axis=1)
+    columns = pb.KeyframeColumns(rotation_vectors=vectors.ravel().tolist(), times=times.tolist())
     with DaemonProcess(tmp_path, memory=1.0, lease=900.0) as daemon:
         found, outcome = [], None
-        motion = pb.MotionRequest(keyframes=keyframes, approach=True)
-        for answer in daemon.move(motion):
+        sent = {"motion": b"approach: true", "columns": columns.SerializeToString()}
+        for answer in daemon.move(**sent):
             if answer.HasField("progress"):
                 share = answer.progress.path_time / answer.progress.duration
                 if share >= 0.1 * (len(found) + 1):

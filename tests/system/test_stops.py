@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from command_line import assert_refused, orientd
 from harness import DEVICE, DaemonProcess, planned_path, spin, until
+from motions import through
 
 import orientd as package
 from orientd import rotation
@@ -61,11 +62,8 @@ def kinds():
 @kinds()
 def test_a_stop_at_the_socket_keeps_to_the_path_and_a_halt_need_not(tmp_path, kind):
     around = 2.0 * np.pi * np.arange(13) / 12
-    keyframes = [
-        pb.Keyframe(rotation_vector=pb.Vector3(x=0.4 * np.sin(a), y=0.4 - 0.4 * np.cos(a)))
-        for a in around
-    ]
-    request = pb.MotionRequest(keyframes=keyframes, approach=True)
+    circle = [(0.4 * np.sin(a), 0.4 - 0.4 * np.cos(a), 0.0) for a in around]
+    request = through(circle, approach=True)
     with DaemonProcess(tmp_path) as daemon:
         daemon.move(request)
         until(lambda: daemon.device().path_time > 0.5, "a quick circle")

@@ -9,6 +9,7 @@ import grpc
 import pytest
 from access_cell import OPERATOR, STRANGER, as_user
 from authority import OPENSSL, QUICK_KEY
+from motions import through
 
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.stub import control_stub
@@ -20,7 +21,7 @@ needs_root = pytest.mark.skipif(os.getuid() != 0, reason="becomes other users, w
 UNHEARD = {"UNAVAILABLE"}
 """What comes of calls that the daemon does not even answer."""
 
-TURN = pb.MotionRequest(keyframes=[pb.Keyframe(rotation_vector=pb.Vector3(x=0.2))])
+TURN = through([(0.2, 0, 0)])
 
 
 @pytest.fixture(autouse=True)

@@ -7,6 +7,7 @@ import urllib.request
 import grpc
 import pytest
 from harness import DEVICE, DaemonProcess, nudge, until
+from motions import through
 
 from orientd.protocol import control_pb2 as pb
 
@@ -72,17 +73,16 @@ def test_the_story_of_a_motion_is_found_by_its_id(daemon):
 
 @pytest.mark.real
 def test_a_motion_is_called_by_its_name_in_reports_in_the_log_and_in_events(daemon):
-    motion = nudge(0.2)
-    motion.name = "fetch"
+    motion = through([(0, 0, 0), (0.2, 0, 0.2)], approach=True, name="fetch")
     watching = daemon.stub.WatchEvents(pb.WatchEventsRequest())
     next(watching)
     daemon.move(motion)
     assert daemon.started.plan.name == "fetch"
     (report,) = daemon.stub.GetState(pb.GetStateRequest()).devices
     assert (report.motion_name, report.motion_id) == ("fetch", daemon.started.plan.motion_id)
-    started = next(event for told in watching for event in told.events if event.HasField("motion"))
+    started = next(event for told in watching for event in told.events if event.motion)
     watching.cancel()
-    assert (started.motion.name, started.plan.name) == ("fetch", "fetch")
+    assert (json.loads(started.motion)["name"], started.plan.name) == ("fetch", "fetch")
 
     def story():
         return [one for one in log(daemon) if one.get("motion_name") == "fetch"]

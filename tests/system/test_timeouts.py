@@ -8,6 +8,7 @@ import time
 import grpc
 import pytest
 from harness import DaemonProcess, nudge, until
+from motions import through
 
 from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
@@ -39,9 +40,7 @@ def turning(tmp_path):
         daemon.config.write_text(text.replace(head, head + given))
         daemon.start()
         daemons.append(daemon)
-        ends = pb.Keyframe(rotation_vector=pb.Vector3(z=3.0))
-        limits = pb.Limits(velocity=SPEED)
-        daemon.move(pb.MotionRequest(keyframes=[ends], limits=limits))
+        daemon.move(through([(0, 0, 3)], limits={"velocity": SPEED}))
         until(lambda: daemon.device().path_time > 1.0, "the steady speed")
         return daemon
 

@@ -6,15 +6,15 @@ import os
 
 import numpy as np
 import pytest
+from motions import read
 
 import orientd
 from orientd.cli import texts
-from orientd.client.motion_request import motion_request
 from orientd.errors import RequestError
 from orientd.motion_file import loads, parse, written
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import from_request, to_request
+from orientd.protocol.columns import keyframe_rows
 from orientd.protocol.targets import target_from_message
 from orientd.rotation import angle, from_euler, normalize
 
@@ -29,19 +29,19 @@ def by_file(q):
 
 
 def by_python(q):
-    return motion_request([orientd.Quaternion(w=1, x=0, y=0, z=0), named(q)])
+    return read([orientd.Quaternion(w=1, x=0, y=0, z=0), named(q)])
 
 
-def by_message(q):
-    message = pb.MotionRequest(keyframes=[{"quaternion": {"w": 1}}, quaternion(q)])
-    return to_request(message)
+def by_columns(q):
+    columns = pb.KeyframeColumns(quaternions=[1, 0, 0, 0, *q]).SerializeToString()
+    return loads(b"{}", rows=keyframe_rows(columns, 2))
 
 
 def by_keyframes(q):
     return MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0)), Keyframe(q)])
 
 
-WAYS_IN = [by_file, by_python, by_message, by_keyframes]
+WAYS_IN = [by_file, by_python, by_columns, by_keyframes]
 
 
 def quaternion(q):
@@ -60,8 +60,8 @@ def test_a_quaternion_of_four_digits_is_scaled_with_a_note_in_every_way_in(way_i
     motion = orientd.plan(request)
     assert SCALED in motion.certificate.notes
     assert motion.certificate.keyframe_error < 1e-12
-    # The daemon says the same of what a client has read, once.
-    assert to_request(from_request(request)).notes == (SCALED,)
+    # The planner says the same of what a client has read, once.
+    assert read(request).notes == (SCALED,)
     assert parse(written(request)).notes == (SCALED,)
 
 
@@ -136,16 +136,16 @@ def vector(*components):
 def test_an_angle_beyond_a_turn_has_a_note(keyframes, note):
     request = parse({"keyframes": keyframes})
     assert request.notes == (note,)
-    assert to_request(from_request(request)).notes == (note,)
+    assert read(request).notes == (note,)
     certificate = orientd.plan(request).certificate
     assert note in certificate.notes
     assert f"note                 {note}" in texts.certificate(certificate)
 
 
-def test_a_message_with_an_angle_beyond_a_turn_has_the_same_note():
-    keyframes = [{"quaternion": {"w": 1}}, {"euler": {"axes": "z", "degrees": [450]}}]
-    (note,) = to_request(pb.MotionRequest(keyframes=keyframes)).notes
-    assert "read as 90 deg" in note
+def test_columns_with_an_angle_beyond_a_turn_have_the_same_note():
+    columns = pb.KeyframeColumns(rotation_vectors=[0, 0, 0, 0, 0, 90]).SerializeToString()
+    (note,) = loads(b"{}", rows=keyframe_rows(columns, 2)).notes
+    assert note == parse({"keyframes": [vector(0, 0, 0), vector(0, 0, 90)]}).notes[0]
 
 
 def test_random_angles_have_a_note_exactly_where_they_are_beyond_a_turn():
@@ -171,7 +171,7 @@ def test_notes_survive_the_frames_and_the_lead_in_of_a_plan():
 @pytest.mark.parametrize("notes", [["x"] * 21, ["x" * 301], ["\x1b[31mred"], "text"])
 def test_notes_are_few_short_and_can_be_printed(notes):
     with pytest.raises(RequestError, match="notes"):
-        motion_request([named((1, 0, 0, 0))], notes=notes)
+        read([named((1, 0, 0, 0))], notes=notes)
 
 
 def test_control_points_are_not_called_keyframes():

@@ -17,7 +17,7 @@ from processes import PLANNING, Process
 
 from orientd.daemon import devices
 from orientd.daemon.planners import pool, reporting, worker
-from orientd.daemon.planners.task import HEADER, packed
+from orientd.daemon.planners.messages import HEADER, packed
 from orientd.errors import DaemonError
 
 FORKING = (0.001, 0.005, 0.05)
@@ -58,18 +58,18 @@ class ForkServer:
 
 
 class PlannerProcess:
-    """A planner process; it takes one task at a time.
+    """A planner process; it takes one request at a time.
 
     Attributes:
         number: which of the pool's it is.
         pid: its process id.
-        tasks: how many it was given.
+        requests: how many it was given.
     """
 
     def __init__(self, world, number, own):
         self._scheduler, self._loop = world.scheduler, asyncio.get_running_loop()
         self._process = process = Process(world.scheduler, "planner")
-        self.number, self.pid, self.tasks = number, process.pid, 0
+        self.number, self.pid, self.requests = number, process.pid, 0
         self._given, self._answers = deque(), asyncio.Queue()
         self._ended = None
         world.add(process)
@@ -80,9 +80,9 @@ class PlannerProcess:
 
     # What the pool calls
 
-    async def plan(self, task, file):
-        self.tasks += 1
-        self._given.append((packed(task), os.dup(file.descriptor)))
+    async def plan(self, request, file):
+        self.requests += 1
+        self._given.append((packed(request), os.dup(file.descriptor)))
         self._scheduler.wake(self._serving)
         return await self._answer(lambda: f" while {file.stage}")
 
@@ -118,13 +118,13 @@ class PlannerProcess:
     # What its work calls
 
     def receive(self, descriptors):
-        """Return the next task, which takes its time, and the descriptor of its file."""
+        """Return the next request, which takes its time, and the descriptor of its file."""
         while not self._given:
             self._scheduler.wait()
-        task, descriptor = self._given.popleft()
+        request, descriptor = self._given.popleft()
         descriptors.append(descriptor)
         self._scheduler.sleep(self._scheduler.random.choice(PLANNING))
-        return _content(task)
+        return _content(request)
 
     def sendall(self, message):
         self._loop.call_soon_threadsafe(self._answers.put_nowait, _content(message))
@@ -140,6 +140,6 @@ def of_planners(world):
         (ForkServer, "world", world),
         (pool, "ForkServer", ForkServer),
         (devices, "default_processes", lambda: _COUNT),
-        (worker, "_received_task", lambda peer, descriptors: peer.receive(descriptors)),
+        (worker, "_received_request", lambda peer, descriptors: peer.receive(descriptors)),
         (worker, "resident", lambda: _RESIDENT),
     ]

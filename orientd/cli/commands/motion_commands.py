@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -26,6 +27,7 @@ from orientd.one_line import counted
 
 if TYPE_CHECKING:
     from orientd.client.endless_turn import EndlessTurn
+    from orientd.client.motion_text import MotionText
     from orientd.client.move_handle import MoveHandle
     from orientd.client.robot import Robot
     from orientd.protocol import control_pb2 as pb
@@ -135,9 +137,9 @@ def move(
     It replaces a running motion without a step.  Ctrl-C stops the device on its path.  While
     it runs, `orientd pause`, `resume`, `speed` and `move` need `--lease` in another terminal.
     """
-    from orientd import motion_file
     from orientd.cli import texts
     from orientd.client.connection import StartAt
+    from orientd.client.motion_text import motion_text
     from orientd.protocol.reports import titled
 
     if blend and not queue:
@@ -150,15 +152,15 @@ def move(
             param_hint="--start-in",
         )
     gate = _gate(on_target) if on_target else None
-    request = motion_file.load(file)
-    with to.connect("move") as robot:
+    motion = motion_text(file)
+    with _file_first(motion), to.connect("move") as robot:
         start = None
         if start_in is not None:
             # The time of day of this machine may not be that of the daemon's.
             start_ns = time.monotonic_ns() + round(start_in * 1e9)
             start = StartAt(start_ns + robot.clock_offset.ns)
         handle = robot.move(
-            request,
+            motion,
             device=to.device,
             queue=queue,
             blend_tolerance=math.radians(blend),
@@ -166,16 +168,28 @@ def move(
             on_target=gate,
         )
         plan = handle.plan
-        motion = f"motion {titled(handle.motion_number, plan.name)}"
+        title = f"motion {titled(handle.motion_number, plan.name)}"
         introduction = (
-            f"{motion}: {counted(len(request.keyframes), 'keyframe')}, {plan.duration:.3f} s "
+            f"{title}: {counted(len(plan.keyframe_times), 'keyframe')}, {plan.duration:.3f} s "
             f"with a lead-in of {plan.certificate.lead_in:.3f} s and a lead-out of "
             f"{plan.certificate.lead_out:.3f} s"
         )
         losses = [f"target lost {loss}" for loss in texts.losses(plan.certificate)]
         lines = [introduction, *losses, *plan.certificate.notes]
-        summary = follow(handle, out, title=motion, lines=lines)
+        summary = follow(handle, out, title=title, lines=lines)
     conclude(handle, summary, out)
+
+
+@contextlib.contextmanager
+def _file_first(motion: MotionText) -> Iterator[None]:
+    """Say what is wrong with a motion file rather than why nothing can run now."""
+    try:
+        yield
+    except OrientdError:
+        from orientd import motion_file
+
+        motion_file.loads(motion.text, motion.source)
+        raise
 
 
 def _gate(text: str) -> pb.OnTarget:

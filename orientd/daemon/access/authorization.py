@@ -17,7 +17,7 @@ from contextlib import aclosing
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from hashlib import sha256
-from typing import Any
+from typing import Any, NamedTuple
 
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError, Message
@@ -113,7 +113,7 @@ SECRETS = ("lease_token", "token")
 _MOST_TEXT = 200
 """Characters of one text of a request that are recorded."""
 
-MANY_KEYFRAMES = 1000
+MANY_BYTES = 100_000
 """Of a motion with more, the digest is made in a thread: it takes milliseconds."""
 
 CountCall = Callable[[str, str, float], object]
@@ -137,6 +137,18 @@ class Method:
     request: Any
     cardinality: Cardinality = Cardinality.UNARY_UNARY
     is_library: bool = False
+
+
+class Answer(NamedTuple):
+    """An answer that its call has serialised.
+
+    Attributes:
+        content: the serialised message.
+        noted: a message of the same type with the fields that audit and log name.
+    """
+
+    content: bytes
+    noted: Message
 
 
 class Authorization:
@@ -258,13 +270,17 @@ class Authorization:
                 return
             if call.request is None:
                 call.request = request
-                motion = getattr(request, "motion", None)
-                if call.rule.is_command and motion and keyframe_count(motion) > MANY_KEYFRAMES:
+                if call.rule.is_command and sum(map(len, _motion(request))) > MANY_BYTES:
                     await DIGESTS.run(lambda: call.asked)
             yield request
 
-    async def _send(self, call: _Call, stream: Stream[Any, Any], answer: Message | bytes) -> None:
-        if not isinstance(answer, bytes):
+    async def _send(
+        self, call: _Call, stream: Stream[Any, Any], answer: Message | bytes | Answer
+    ) -> None:
+        if isinstance(answer, Answer):
+            self._note(call, answer.noted)
+            answer = answer.content
+        elif not isinstance(answer, bytes):
             self._note(call, answer)
         await stream.send_message(answer)
 
@@ -274,6 +290,8 @@ class Authorization:
         if started is not None and started.ByteSize():
             call.result["motion"] = started.motion_number
             call.result["motion_id"] = started.plan.motion_id
+            if started.plan.name:
+                call.asked.setdefault("motion", {})["name"] = started.plan.name
             fields = call.fields()
             self._audit.record(event="began", **fields)
             name, number = call.caller.identity.name, started.motion_number
@@ -347,7 +365,7 @@ def describe(request: Message) -> dict[str, Any]:
     >>> describe(pb.SetSpeedRequest(lease_token="abc", device="arm", speed=0.5))
     {'device': 'arm', 'speed': 0.5}
 
-    Of a motion it is these, the number of its keyframes and a digest of all of it.
+    Of a motion it is the number of its bytes, and a digest of them.
     """
     kinds = (FieldDescriptor.TYPE_MESSAGE, FieldDescriptor.TYPE_BYTES)
     # The first request of a stream wraps what it asks for.
@@ -358,14 +376,16 @@ def describe(request: Message) -> dict[str, Any]:
         for one, content in part.ListFields()
         if one.type not in kinds and not one.is_repeated and one.name not in SECRETS
     }
-    motion = getattr(request, "motion", None)
-    if isinstance(motion, pb.MotionRequest) and request.HasField("motion"):
-        digest = sha256(motion.SerializeToString(deterministic=True)).hexdigest()
-        figures = {"keyframes": keyframe_count(motion), "sha256": digest}
-        described["motion"] = describe(motion) | figures
+    motion = _motion(request)
+    if any(motion):
+        digest = sha256(motion[0])
+        digest.update(motion[1])
+        described["motion"] = {"bytes": sum(map(len, motion)), "sha256": digest.hexdigest()}
     return described
 
 
-def keyframe_count(motion: pb.MotionRequest) -> int:
-    """Return how many keyframes *motion* has, as messages or as columns."""
-    return max(len(motion.keyframes), len(motion.columns.quaternions) // 4)
+def _motion(request: Message) -> tuple[bytes, bytes]:
+    """Return the text and the columns of a request; both are empty if it has no motion."""
+    if isinstance(request, pb.MoveRequest | pb.PlanRequest):
+        return request.motion, request.columns
+    return b"", b""

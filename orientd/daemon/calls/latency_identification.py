@@ -6,6 +6,7 @@ Not for the servo process: what was sent and what was measured is looked at for 
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +17,11 @@ import numpy as np
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
+from orientd.daemon.planners.messages import PlanRequest
 from orientd.daemon.planners.pool import Planners
-from orientd.daemon.planners.task import PlanCall
 from orientd.driver import Quaternion
 from orientd.errors import DaemonError, OrientdError
-from orientd.model.request import Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import from_request
 from orientd.rotation import Floats
 from orientd.stream.records import Cycle, CycleFlag, ServoState
 
@@ -101,13 +100,13 @@ async def _move(device: Device) -> list[Cycle]:
     angles = ((0.0, 0.0), (0.5 * SECONDS, ANGLE), (SECONDS, 0.0))
     keyframes = []
     for seconds, angle in angles:
-        w, x, y, z = rotation.multiply(start.q, rotation.exp([0.0, 0.0, angle])).tolist()
-        keyframes.append(Keyframe((w, x, y, z), seconds))
-    request = MotionRequest(keyframes=keyframes)
-    order = PlanCall(from_request(request).SerializeToString(), timeout=_READY)
+        q = rotation.multiply(start.q, rotation.exp([0.0, 0.0, angle])).tolist()
+        keyframes.append({"time": seconds, "quaternion": dict(zip("wxyz", q, strict=True))})
+    text = json.dumps({"keyframes": keyframes})
+    asked = PlanRequest(text.encode(), timeout=_READY)
     before = device.snapshot().cycle
     with device.expecting() as run:
-        await device.move(run, order)
+        await device.move(run, asked)
     # The newest cycle may be from before the motion: its end counts, and not the state.
     ended, longest = asyncio.wrap_future(run.ended), run.motion.facts.duration + _READY
     try:

@@ -12,8 +12,8 @@ from orientd.driver import PartHealth, Quaternion, Vector3
 from orientd.floats import difference, norm
 from orientd.model.request import Frame
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol.cones import cone_message
 from orientd.protocol.limits import limits_to_message
-from orientd.protocol.motion import cone_message
 from orientd.protocol.reports import STALE
 from orientd.protocol.values import quaternion, vector
 from orientd.stream.records import UNKNOWN, Cycle, CycleFlag, ServoState, record_index, unpack_cycle

@@ -22,7 +22,7 @@ from grpclib.const import Cardinality
 
 import orientd
 from orientd.clock import clock_name
-from orientd.daemon.access.authorization import Method, keyframe_count
+from orientd.daemon.access.authorization import Answer, Method
 from orientd.daemon.access.identity import Caller
 from orientd.daemon.calls import report
 from orientd.daemon.calls.following import Following, read_targets
@@ -37,8 +37,7 @@ from orientd.daemon.calls.requests import (
 from orientd.daemon.device import GONE, TICK, Device, QueuedMotion, servo_limits_of
 from orientd.daemon.devices import Devices
 from orientd.daemon.leases import Lease
-from orientd.daemon.planners.planned_motion import PlannedMotion
-from orientd.daemon.planners.task import PlanCall
+from orientd.daemon.planners.messages import PlanRequest
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
@@ -49,6 +48,7 @@ from orientd.errors import (
 )
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.limits import limits_to_wish
+from orientd.protocol.values import embedded, field_number
 from orientd.stream.records import CYCLE_RECORD, record_index
 
 _log = logging.getLogger(__name__)
@@ -65,6 +65,14 @@ _BATCH = 256
 
 _RENEWALS = 3
 """Renewals within the time of a lease that a move has taken itself, until it has begun."""
+
+_PLAN = field_number(pb.PlanResponse, "plan")
+"""Of a GetPlanResponse, too."""
+
+_STARTED = field_number(pb.MoveResponse, "started")
+_PLAN_STARTED = field_number(pb.MoveStarted, "plan")
+
+_EARLIER = "the client is of orientd 0.2 or earlier, and its motions cannot be read by orientd"
 
 _CommandRequest = pb.CommandRequest | pb.SetSpeedRequest | pb.DisableRequest
 """A command names a device and its lease."""
@@ -229,11 +237,10 @@ class Service:
         with self._refused_after(received_ns):
             device = self._devices.device(request.device)
             rate_hz = sample_rate(request.sample_rate_hz, device)
-            motion = await device.plan(self._plan_call(request, caller, rate_hz))
+            motion = await device.plan(self._asked(request, caller, rate_hz))
             self._devices.plans.keep(device.name, motion)
-        # Messages put one behind the other are merged.
-        took = pb.PlanResponse(plan=pb.Plan(planning=_seconds_since(received_ns)))
-        return (motion.response or _unsampled(motion)) + took.SerializeToString()
+        took = pb.Plan(planning=_seconds_since(received_ns)).SerializeToString()
+        return embedded(_PLAN, motion.plan + motion.samples + took)
 
     async def GetPlan(
         self, request: pb.GetPlanRequest, caller: Caller
@@ -245,27 +252,33 @@ class Service:
             motion = self._devices.present(device, request.motion_id)
             if motion is None:
                 return pb.GetPlanResponse()
-            if not rate_hz:
-                return _unsampled(motion)
-            call = PlanCall(motion.input.motion, caller.key, self._devices.planners.timeout)
-            return await self._devices.planners.report(motion.input, call, rate_hz)
+            samples = b""
+            if rate_hz:
+                samples = await self._devices.planners.report(motion, caller.key, rate_hz)
+            return embedded(_PLAN, motion.plan + samples)
 
-    def _plan_call(
+    def _asked(
         self, request: pb.PlanRequest | pb.MoveRequest, caller: Caller, rate_hz: float = 0.0
-    ) -> PlanCall:
+    ) -> PlanRequest:
         """Return the motion to plan, its caller, and the planning timeout.
 
         Raises:
-            RequestError: the time is none, or the motion has too many keyframes.
+            RequestError: there is no motion, it is of an earlier version, or the time is none.
         """
+        if request.earlier_motion:
+            raise RequestError("motion", f"{_EARLIER} {orientd.__version__}; update the client")
+        if not (request.motion or request.source):
+            raise RequestError("motion", "expected the text of a motion file, got none")
         timeout = planning_timeout(request.plan_timeout, self._devices.planners.timeout)
-        motion = request.motion
-        count = keyframe_count(motion)
-        if count > self.keyframes:
-            raise RequestError("keyframes", f"expected at most {self.keyframes}, got {count}")
-        # The planner reads the rest: that takes as long as planning a small motion.
-        content = motion.SerializeToString()
-        return PlanCall(content, caller.key, timeout, rate_hz)
+        return PlanRequest(
+            request.motion,
+            request.source,
+            request.columns,
+            self.keyframes,
+            caller.key,
+            timeout,
+            rate_hz,
+        )
 
     @contextlib.contextmanager
     def _refused_after(self, received_ns: int = 0) -> Iterator[None]:
@@ -281,7 +294,9 @@ class Service:
 
     # Moving
 
-    async def Move(self, request: pb.MoveRequest, caller: Caller) -> AsyncIterator[pb.MoveResponse]:
+    async def Move(
+        self, request: pb.MoveRequest, caller: Caller
+    ) -> AsyncIterator[pb.MoveResponse | Answer]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
         received_ns = time.monotonic_ns()
         device = self._devices.device(request.device)
@@ -326,15 +341,15 @@ class Service:
             motion = self._devices.plans.find(device.name, request.motion_id)
             await device.run(run, motion, token=token)
             return 0.0
-        if what != "motion":
+        if what not in ("motion", "earlier_motion"):
             raise RequestError("motion", "expected a motion or a motion_id, got neither")
-        call = self._plan_call(request, caller)
+        asked = self._asked(request, caller)
         try:
-            await device.move(run, call, token=token)
+            await device.move(run, asked, token=token)
         except OrientdError as error:
-            error.waiting = sum(call.waits)
+            error.waiting = sum(asked.waits)
             raise
-        return sum(call.waits)
+        return sum(asked.waits)
 
     @contextlib.asynccontextmanager
     async def _lease_for(
@@ -555,21 +570,15 @@ async def _with_reason(device: Device) -> pb.DeviceReport:
 
 def _started(
     device: Device, run: QueuedMotion, timing: pb.MoveTiming, lease: pb.Lease | None
-) -> pb.MoveResponse:
-    return pb.MoveResponse(
-        started=pb.MoveStarted(
-            motion_number=run.number,
-            plan=pb.Plan.FromString(run.motion.plan),
-            timing=timing,
-            speed=device.snapshot().speed,
-            lease=lease,
-        )
-    )
-
-
-def _unsampled(motion: PlannedMotion) -> bytes:
-    """Return a serialised answer with the plan of a motion alone."""
-    return pb.PlanResponse(plan=pb.Plan.FromString(motion.plan)).SerializeToString()
+) -> Answer:
+    """Return the first answer to a move, with the plan as the planner made it."""
+    number, speed = run.number, device.snapshot().speed
+    started = pb.MoveStarted(motion_number=number, timing=timing, speed=speed, lease=lease)
+    plan = embedded(_PLAN_STARTED, run.motion.plan)
+    content = embedded(_STARTED, started.SerializeToString() + plan)
+    named = pb.Plan(motion_id=run.motion.id, name=run.motion.facts.name)
+    noted = pb.MoveResponse(started=pb.MoveStarted(motion_number=number, plan=named))
+    return Answer(content, noted)
 
 
 def _seconds_since(instant_ns: int) -> float:

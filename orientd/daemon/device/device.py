@@ -25,9 +25,9 @@ from orientd.daemon.device.servo_process import ServoProcess
 from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
 from orientd.daemon.device.target_writer import DeviceAxes, TargetWriter
 from orientd.daemon.leases import Lease, Leases
+from orientd.daemon.planners.messages import PlanRequest
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.pool import Planners
-from orientd.daemon.planners.task import PlanCall
 from orientd.daemon.workers import DeviceWorkers, LoopErrors
 from orientd.driver import Explaining, Vector3
 from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
@@ -211,7 +211,7 @@ class Device:
         """
         return self._servo.commanded()
 
-    async def plan(self, call: PlanCall) -> PlannedMotion:
+    async def plan(self, request: PlanRequest) -> PlannedMotion:
         """Plan a motion that begins where the device will be once it has come to rest.
 
         Raises:
@@ -219,7 +219,7 @@ class Device:
             StateError: the device is neither holding nor moving.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        return await self._retargeting.plan(call)
+        return await self._retargeting.plan(request)
 
     @contextlib.contextmanager
     def expecting(self, options: MoveOptions = AT_ONCE) -> Iterator[QueuedMotion]:
@@ -241,14 +241,14 @@ class Device:
             self._unfinished.pop(queued, None)
             raise
 
-    async def move(self, queued: QueuedMotion, call: PlanCall, *, token: str = "") -> None:
+    async def move(self, queued: QueuedMotion, request: PlanRequest, *, token: str = "") -> None:
         """Plan a motion, and begin it.
 
         A motion that runs is replaced from a point a little ahead, or followed.
 
         Args:
             queued: the motion, see :meth:`expecting`.
-            call: what to do.
+            request: what to do.
             token: the lease.
 
         Raises:
@@ -259,7 +259,7 @@ class Device:
             DeadlineError: the motions that were asked for before take too long.
         """
         queued.token = token
-        await self._retargeting.begin(queued, call, self._begin)
+        await self._retargeting.begin(queued, request, self._begin)
 
     async def run(self, queued: QueuedMotion, motion: PlannedMotion, *, token: str = "") -> None:
         """Begin to run a kept plan on a device at rest.

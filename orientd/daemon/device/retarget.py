@@ -18,9 +18,9 @@ from collections.abc import Callable, Sequence
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.servo_process import ServoProcess
+from orientd.daemon.planners.messages import PlanRequest, Rank, record_at_rest
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.pool import Planners
-from orientd.daemon.planners.task import PlanCall, PlanInput, Rank, record_at_rest
 from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import Joints
 from orientd.errors import (
@@ -131,7 +131,7 @@ class Retargeting:
         self._turn = asyncio.Lock()
 
     async def begin(
-        self, queued: QueuedMotion, call: PlanCall, start: Callable[[QueuedMotion], float]
+        self, queued: QueuedMotion, request: PlanRequest, start: Callable[[QueuedMotion], float]
     ) -> None:
         """Plan a motion and begin it.
 
@@ -140,7 +140,7 @@ class Retargeting:
 
         Args:
             queued: the motion.
-            call: what it is to do.
+            request: what it is to do.
             start: begins it, in a thread; returns when the servo could see it, monotonic s.
 
         Raises:
@@ -151,26 +151,26 @@ class Retargeting:
         """
         late: list[float] = []
         problem = ""
-        kind = len(call.motion).bit_length(), queued.options.is_queued
+        kind = request.size.bit_length(), queued.options.is_queued
         try:
-            with call.waiting():
-                async with asyncio.timeout(call.time_left):
+            with request.waiting():
+                async with asyncio.timeout(request.time_left):
                     await self._turn.acquire()
         except TimeoutError:
             raise DeadlineError(
-                f"planning did not begin within {call.timeout:g} s: device {self._name} is being "
-                "given motions that were asked for before"
+                f"planning did not begin within {request.timeout:g} s: device {self._name} is "
+                "being given motions that were asked for before"
             ) from None
         try:
-            while len(late) < ATTEMPTS and call.time_left:
+            while len(late) < ATTEMPTS and request.time_left:
                 begun = time.monotonic()
                 try:
-                    chosen = await self._plan(queued, call, kind, late)
+                    chosen = await self._plan(queued, request, kind, late)
                     queued.planned_ns = time.monotonic_ns()
                     posted = await self._workers.commands.run(start, queued)
                 except NotYetError as error:
                     problem = str(error)
-                    with call.waiting():
+                    with request.waiting():
                         await self._await_steady()
                 except LateError as error:
                     _log.info("%s: planned too late: %s", self._name, error)
@@ -185,7 +185,7 @@ class Retargeting:
             self._turn.release()
         raise StateError(f"device {self._name} was too quick for {len(late)} plans: {problem}")
 
-    async def plan(self, call: PlanCall) -> PlannedMotion:
+    async def plan(self, request: PlanRequest) -> PlannedMotion:
         """Plan a motion that begins where the device will be once it has come to rest.
 
         Raises:
@@ -202,9 +202,7 @@ class Retargeting:
             end = (await self._tail(last, last.last_record))[-MOTION_RECORD.size :]
             joints = last.facts.last_joints or cycle.sent_joints or cycle.joints
             start = _at_rest(end, joints)
-        return await self._planners.plan(
-            PlanInput(self._name, call.motion, start, call.unix_ns), call
-        )
+        return await self._planners.plan(request.beginning(self._name, start))
 
     def check_start(self, motion: PlannedMotion) -> None:
         """Refuse a kept plan unless it begins where the device, at rest, is commanded to be.
@@ -232,38 +230,31 @@ class Retargeting:
     # One attempt
 
     async def _plan(
-        self, queued: QueuedMotion, call: PlanCall, kind: Kind, late: Sequence[float]
+        self, queued: QueuedMotion, request: PlanRequest, kind: Kind, late: Sequence[float]
     ) -> float:
         """Plan a motion and choose where it begins; return when that was chosen, monotonic s."""
-        await self._await_stop(call)
+        await self._await_stop(request)
         chosen, leave = time.monotonic(), self._choose(queued, kind, late)
         motion: PlannedMotion | None = None
         if leave is not None and queued.options.is_queued:
             left = self._left(leave)
             tail = await self._tail(left, leave.record)
-            plan_input = PlanInput(
+            following = request.beginning(
                 self._name,
-                call.motion,
                 tail,
-                call.unix_ns,
                 after=left.facts,
                 tolerance=queued.options.blend,
                 earliest=leave.record,
             )
-            motion = await self._planners.plan(plan_input, call, rank=Rank.URGENT)
+            motion = await self._planners.plan(following, rank=Rank.URGENT)
             leave = SplicePoint(leave.number, motion.leave)
         elif leave is not None:
-            chosen, leave, motion = await self._take_over(queued, call, kind, late, leave)
+            chosen, leave, motion = await self._take_over(queued, request, kind, late, leave)
         if motion is None:
-            await self._await_stop(call)
-            plan_input = PlanInput(
-                self._name,
-                call.motion,
-                self._held(),
-                call.unix_ns,
-                tolerance=queued.options.blend,
+            await self._await_stop(request)
+            motion = await self._planners.plan(
+                request.beginning(self._name, self._held(), tolerance=queued.options.blend)
             )
-            motion = await self._planners.plan(plan_input, call)
         await motion.arrive(self._queue.needed(motion.facts))
         queued.planned, queued.begins = motion, leave
         return chosen
@@ -294,7 +285,7 @@ class Retargeting:
     async def _take_over(
         self,
         queued: QueuedMotion,
-        call: PlanCall,
+        request: PlanRequest,
         kind: Kind,
         late: Sequence[float],
         leave: SplicePoint,
@@ -318,7 +309,7 @@ class Retargeting:
             ahead = [leave.record + round(seconds / self._period) for seconds in together]
             end = min(left.last_record, left.at_hand[1])
             records = [one for one in ahead if one < end or (one == leave.record and not is_shaped)]
-            plans = [self._plan_from(call, left, record) for record in records]
+            plans = [self._plan_from(request, left, record) for record in records]
             found: dict[int, PlannedMotion] = {}
             for record, motion in zip(
                 records, await asyncio.gather(*plans, return_exceptions=True), strict=True
@@ -346,18 +337,19 @@ class Retargeting:
         else:
             # Stop only if the motion can be planned from rest near there.
             start = _at_rest(left.read(leave.record, 1))
-            plan_input = PlanInput(self._name, call.motion, start, call.unix_ns)
-            await self._planners.plan(plan_input, call)
+            await self._planners.plan(request.beginning(self._name, start))
         cycle = self._servo.newest()
         if cycle is not None and cycle.state is ServoState.STREAMING:
             await self._workers.stops.run(self._servo.ask, Command.STOP)
-        await self._await_stop(call, MOVING)
+        await self._await_stop(request, MOVING)
         return chosen, None, None
 
-    async def _plan_from(self, call: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
+    async def _plan_from(
+        self, request: PlanRequest, left: PlannedMotion, record: int
+    ) -> PlannedMotion:
         """Plan a motion that takes over from another one at a record of that."""
-        plan_input = PlanInput(self._name, call.motion, left.start_at(record), call.unix_ns)
-        return await self._planners.plan(plan_input, call, rank=Rank.URGENT)
+        taking_over = request.beginning(self._name, left.start_at(record))
+        return await self._planners.plan(taking_over, rank=Rank.URGENT)
 
     def _first_ahead(self, leave: SplicePoint, found: dict[int, PlannedMotion]) -> int:
         """Return the first record that the servo has yet to come to, else the last of them."""
@@ -397,7 +389,7 @@ class Retargeting:
     # Waiting for the device
 
     async def _await_stop(
-        self, call: PlanCall, states: Sequence[ServoState] = (ServoState.STOPPING,)
+        self, request: PlanRequest, states: Sequence[ServoState] = (ServoState.STOPPING,)
     ) -> None:
         """Wait until a stop that is under way has come to its end, out of *states*.
 
@@ -405,7 +397,7 @@ class Retargeting:
             StateError: the device does not come to rest.
         """
         end = time.monotonic() + LONGEST_STOP
-        with call.waiting():
+        with request.waiting():
             while (cycle := self._servo.newest()) and cycle.state in states:
                 if time.monotonic() > end:
                     raise StateError("the device does not come to rest")

@@ -1,4 +1,4 @@
-"""A planned motion as the daemon has it: facts, records as bytes, and the input for more."""
+"""A planned motion as the daemon has it: facts, records as bytes, and the request for more."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError, Future, wait
 from typing import Self
 
-from orientd.daemon.planners.task import CHUNK, PlanInput, Planned, RecordFile, Rest
+from orientd.daemon.planners.messages import CHUNK, Planned, PlanRequest, RecordFile, Rest
 from orientd.errors import OrientdError
 from orientd.planner.facts import HISTORY
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.values import embedded, field_number
 
 _WAIT = 1.0
-"""Longest wait of the journal for the planner's report of a motion, s."""
+"""Longest wait of the journal for the planner's samples of a motion, s."""
 
 _LOOK = 0.01
 """Seconds from one look for something urgent to the next."""
@@ -26,7 +28,9 @@ _BEHIND = 4096
 _TAIL = 16_384
 """Most records before the end of a motion at which the next motion may leave it."""
 
-More = Callable[[PlanInput, RecordFile, int, float], "Future[int]"]
+_PLAN, _MOTION, _COLUMNS = (field_number(pb.Event, name) for name in ("plan", "motion", "columns"))
+
+More = Callable[[PlanRequest, RecordFile, int, float], "Future[int]"]
 """Has a planner add records to a file, from one on; returns the end.  From any thread.
 
 The last argument says for how long the records before that one last, s.
@@ -41,9 +45,9 @@ class PlannedMotion:
 
     Attributes:
         facts: what there is to know of it besides its records.
-        input: what it was planned from; any planner makes the same of it again.
+        request: what it was planned from; any planner makes the same of it again.
         plan: a serialised ``orientd.v1.Plan``.
-        response: a serialised ``PlanResponse`` with samples, if the caller asked for some.
+        samples: a serialised ``Plan`` with samples alone, if the caller asked for some.
         leave: record of the motion before at which it begins, of one that follows another.
         frame: in which it was asked for; ``None`` for the device's own coordinates.
     """
@@ -51,7 +55,7 @@ class PlannedMotion:
     def __init__(
         self,
         planned: Planned,
-        plan_input: PlanInput,
+        request: PlanRequest,
         file: RecordFile,
         *,
         more: More,
@@ -61,14 +65,14 @@ class PlannedMotion:
 
         Args:
             planned: the answer.
-            plan_input: what it was asked.
+            request: what it was asked.
             file: holds the first records.
             more: asks for more of them.
-            rest: how many there are in the end, and what the journal reports of the motion.
+            rest: how many there are in the end, and the samples for the event of the start.
         """
         self.facts = planned.facts
-        self.input, self.leave, self.frame = plan_input, planned.leave, planned.frame
-        self.plan, self.response = planned.plan, planned.response
+        self.request, self.leave, self.frame = request, planned.leave, planned.frame
+        self.plan, self.samples = planned.plan, planned.samples
         self._planned, self._file = planned, file
         self._begin, self._end = -HISTORY, planned.end
         self._more, self._rest = more, rest
@@ -96,14 +100,16 @@ class PlannedMotion:
 
     @property
     def event(self) -> bytes:
-        """A serialised ``Event`` with plan, request and samples; empty while there is none."""
-        try:
-            return self._rest.result(0.0).event
-        except (TimeoutError, CancelledError):
-            return b""
+        """A serialised ``Event`` with plan and request, and with samples once there are some."""
+        samples = b""
+        with contextlib.suppress(TimeoutError, CancelledError):
+            samples = self._rest.result(0.0).samples
+        asked = pb.Event(source=self.request.source).SerializeToString() + samples
+        parts = (_PLAN, self.plan), (_MOTION, self.request.motion), (_COLUMNS, self.request.columns)
+        return b"".join(embedded(number, part) for number, part in parts if part) + asked
 
     def await_event(self, is_urgent: Callable[[], bool]) -> bool:
-        """Wait until :attr:`event` is there, or will not be in time.
+        """Wait until :attr:`event` has its samples, or will not have them in time.
 
         Returns:
             ``False`` if something urgent has cut the wait short.
@@ -135,7 +141,7 @@ class PlannedMotion:
 
     def again(self) -> Self:
         """Return the motion with its first records, to be run from its beginning."""
-        return type(self)(self._planned, self.input, self._file, more=self._more, rest=self._rest)
+        return type(self)(self._planned, self.request, self._file, more=self._more, rest=self._rest)
 
     async def arrive(self, count: int) -> None:
         """Wait until so many records are at hand, or all there are, or no more will come now."""
@@ -197,7 +203,7 @@ class PlannedMotion:
         is_last = not self._is_whole or end > self.last_record
         if self._coming is None and not is_last and first > end - CHUNK // 2:
             lasts = (end - first) * self.facts.period
-            self._coming = self._more(self.input, self._file, end, lasts)
+            self._coming = self._more(self.request, self._file, end, lasts)
 
     def _forget(self, before: int) -> None:
         """Forget records that are far behind; the first chunk stays for another run."""

@@ -1,4 +1,4 @@
-"""The planners of a daemon: which task is next, for how long, and what becomes of the others.
+"""The planners of a daemon: which request is next, for how long, and what becomes of the others.
 
 Three ranks keep what is short from waiting behind what is long: planner 0 serves moving devices
 alone, planner 1 these and small requests, all others whatever there is.
@@ -14,17 +14,9 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 
 from orientd.config import DeviceSettings
+from orientd.daemon.planners.messages import CHUNK, Planned, PlanRequest, Rank, RecordFile, Rest
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.process import ForkServer, PlannerProcess
-from orientd.daemon.planners.task import (
-    PlanCall,
-    PlanInput,
-    Planned,
-    Rank,
-    RecordFile,
-    Rest,
-    Task,
-)
 from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, OrientdError, TooMuchError
 
 _log = logging.getLogger(__name__)
@@ -51,9 +43,9 @@ _NICEST = 10
 
 @dataclass(eq=False, slots=True)
 class _Waiting:
-    """A call that waits for a planner."""
+    """A request that waits for a planner."""
 
-    call: PlanCall
+    request: PlanRequest
     rank: Rank
     turn: asyncio.Future[PlannerProcess]
 
@@ -118,14 +110,11 @@ class Planners:
 
     # What can be asked
 
-    async def plan(
-        self, plan_input: PlanInput, call: PlanCall, *, rank: Rank | None = None
-    ) -> PlannedMotion:
+    async def plan(self, request: PlanRequest, *, rank: Rank | None = None) -> PlannedMotion:
         """Plan a motion.
 
         Args:
-            plan_input: what to plan.
-            call: who asks, and how long it may take.
+            request: what to plan, for whom, and how long it may take.
             rank: what it may wait for; by default by its size.
 
         Raises:
@@ -135,16 +124,15 @@ class Planners:
             TooMuchError: too much waits already.
             DaemonError: the planner has ended.
         """
-        chosen, file = call.rank if rank is None else rank, RecordFile()
-        task = Task(plan_input, rate_hz=call.rate_hz)
-        planned, rest = await self._ask(task, file, call, chosen)
-        return PlannedMotion(planned, plan_input, file, more=self._more, rest=rest)
+        file = RecordFile()
+        planned, rest = await self._ask(request, file, request.rank if rank is None else rank)
+        return PlannedMotion(planned, request, file, more=self._more, rest=rest)
 
-    async def report(self, plan_input: PlanInput, call: PlanCall, rate_hz: float) -> bytes:
-        """Return a serialised ``PlanResponse`` of a motion; arguments and errors as of a plan."""
-        task = Task(plan_input, count=0, rate_hz=rate_hz)
-        planned, _ = await self._ask(task, RecordFile(), call, call.rank)
-        return planned.response
+    async def report(self, motion: PlannedMotion, caller: str, rate_hz: float) -> bytes:
+        """Return a serialised ``Plan`` of a motion with samples alone; errors as of a plan."""
+        request = motion.request.again(self.timeout, caller=caller, rate_hz=rate_hz, count=0)
+        planned, _ = await self._ask(request, RecordFile(), request.rank)
+        return planned.samples
 
     async def methods(self) -> bytes:
         """Return a serialised ``ListMethodsResponse``, once there is a planner."""
@@ -172,13 +160,12 @@ class Planners:
 
     async def records(self, motion: PlannedMotion, first: int) -> bytes:
         """Return the records of a motion from one on to its end."""
-        task = Task(motion.input, first, motion.facts.record_count - first)
-        file = RecordFile()
-        planned = await self._records(task, file, self.timeout)
-        return file.read(first, planned.end - first)
+        file, count = RecordFile(), motion.facts.record_count - first
+        end = await self._records(motion.request, file, first, count, self.timeout)
+        return file.read(first, end - first)
 
     def _more(
-        self, plan_input: PlanInput, file: RecordFile, first: int, lasts: float
+        self, request: PlanRequest, file: RecordFile, first: int, lasts: float
     ) -> Future[int]:
         """Add more records of a motion to its file, from any thread; return the end.
 
@@ -186,34 +173,33 @@ class Planners:
         longer than a request may, and the planner after a killed one would take as long.  So this
         planner may use half of the time for which the records before *first* last.
         """
-        timeout = max(self.timeout, 0.5 * lasts)
         if self._loop is None:
             raise DaemonError(GOING_DOWN)
+        timeout = max(self.timeout, 0.5 * lasts)
+        more = self._records(request, file, first, CHUNK, timeout)
+        return asyncio.run_coroutine_threadsafe(more, self._loop)
 
-        async def end() -> int:
-            return (await self._records(Task(plan_input, first), file, timeout)).end
-
-        return asyncio.run_coroutine_threadsafe(end(), self._loop)
-
-    async def _records(self, task: Task, file: RecordFile, timeout: float) -> Planned:
-        call = PlanCall(task.input.motion, timeout=timeout)
-        planned, _ = await self._ask(task, file, call, Rank.URGENT)
-        return planned
+    async def _records(
+        self, request: PlanRequest, file: RecordFile, first: int, count: int, timeout: float
+    ) -> int:
+        more = request.again(timeout, first=first, count=count)
+        planned, _ = await self._ask(more, file, Rank.URGENT)
+        return planned.end
 
     # How
 
     async def _ask(
-        self, task: Task, file: RecordFile, call: PlanCall, rank: Rank
+        self, request: PlanRequest, file: RecordFile, rank: Rank
     ) -> tuple[Planned, Future[Rest]]:
-        """Run *task* in a planner; return its answer, and what will follow."""
-        planner = await self._turn(call, rank)
+        """Have a planner answer *request*; return its answer, and what will follow."""
+        planner = await self._turn(request, rank)
         try:
-            async with asyncio.timeout(call.time_left):
-                answer = await planner.plan(task, file)
+            async with asyncio.timeout(request.time_left):
+                answer = await planner.plan(request, file)
         except TimeoutError:
             self._discard(planner, f"killed while {file.stage}")
             raise DeadlineError(
-                f"planning took longer than {call.timeout:g} s: {file.stage}"
+                f"planning took longer than {request.timeout:g} s: {file.stage}"
             ) from None
         except asyncio.CancelledError:  # the caller has gone away
             self._discard(planner, f"killed while {file.stage}")
@@ -246,8 +232,8 @@ class Planners:
         else:
             self._release(planner)
 
-    async def _turn(self, call: PlanCall, rank: Rank) -> PlannerProcess:
-        """Return a planner that has nothing else to do, once it is the turn of *call*.
+    async def _turn(self, request: PlanRequest, rank: Rank) -> PlannerProcess:
+        """Return a planner that has nothing else to do, once it is the turn of *request*.
 
         Raises:
             TooMuchError: too much waits already.
@@ -259,12 +245,12 @@ class Planners:
         planner = self._take_idle(rank)
         if planner is not None:
             return planner
-        self._check_waiting(call)
-        waiting = _Waiting(call, rank, asyncio.get_running_loop().create_future())
+        self._check_waiting(request)
+        waiting = _Waiting(request, rank, asyncio.get_running_loop().create_future())
         self._waiting.append(waiting)
         self._waiting.sort(key=lambda one: one.rank)
         try:
-            async with asyncio.timeout(call.time_left):
+            async with asyncio.timeout(request.time_left):
                 return await waiting.turn
         except BaseException as error:
             turn = waiting.turn
@@ -273,25 +259,25 @@ class Planners:
             if isinstance(error, TimeoutError):
                 why = "the planners are busy" if self._planners else self._missing
                 raise DeadlineError(
-                    f"planning did not begin within {call.timeout:g} s: {why}"
+                    f"planning did not begin within {request.timeout:g} s: {why}"
                 ) from None
             raise
         finally:
             if waiting in self._waiting:
                 self._waiting.remove(waiting)
 
-    def _check_waiting(self, call: PlanCall) -> None:
-        """Refuse a call if too much waits: of its caller or, unless it is the first, of all.
+    def _check_waiting(self, request: PlanRequest) -> None:
+        """Refuse a request if too much waits: of its caller or, unless it is the first, of all.
 
         Raises:
             TooMuchError: why.
         """
-        own = sum(one.call.caller == call.caller for one in self._waiting)
-        size = len(call.motion) + sum(len(one.call.motion) for one in self._waiting)
-        if call.caller and own >= MOST_WAITING:
+        own = sum(one.request.caller == request.caller for one in self._waiting)
+        size = request.size + sum(one.request.size for one in self._waiting)
+        if request.caller and own >= MOST_WAITING:
             problem = f"at most {MOST_WAITING} requests of one caller may wait to be planned"
             raise TooMuchError(problem)
-        if call.caller and own and size > MOST_BYTES:
+        if request.caller and own and size > MOST_BYTES:
             raise TooMuchError(f"at most {MOST_BYTES >> 20} MiB of requests may wait")
 
     def _take_idle(self, rank: Rank) -> PlannerProcess | None:
@@ -308,7 +294,7 @@ class Planners:
         return self._idle.pop(min(able) if rank is Rank.URGENT else max(able))
 
     def _release(self, planner: PlannerProcess) -> None:
-        """Hand a planner to the next waiting call."""
+        """Hand a planner to the next waiting request."""
         self._idle[planner.number] = planner
         self._serve_waiting()
 

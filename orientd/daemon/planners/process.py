@@ -15,14 +15,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from orientd.config import DeviceSettings
-from orientd.daemon.planners.task import (
+from orientd.daemon.planners.messages import (
     HEADER,
     Planned,
+    PlanRequest,
     RecordFile,
     Rest,
-    Task,
     packed,
-    packed_task,
+    packed_request,
 )
 from orientd.errors import DaemonError, OrientdError
 
@@ -113,12 +113,12 @@ class ForkServer:
 
 
 class PlannerProcess:
-    """A planner process; it takes one task at a time.
+    """A planner process; it takes one request at a time.
 
     Attributes:
         number: which of the pool's it is.
         pid: its process id.
-        tasks: how many it was given.
+        requests: how many it was given.
     """
 
     def __init__(
@@ -130,18 +130,18 @@ class PlannerProcess:
         reader: asyncio.StreamReader,
         writer: asyncio.StreamWriter,
     ) -> None:
-        self.number, self.pid, self.tasks = number, pid, 0
+        self.number, self.pid, self.requests = number, pid, 0
         self._handle, self._socket = handle, connection
         self._reader, self._writer = reader, writer
 
-    async def plan(self, task: Task, file: RecordFile) -> Planned | OrientdError:
-        """Return the answer to a task, once its records are in *file*; see :meth:`.Worker.plan`.
+    async def plan(self, request: PlanRequest, file: RecordFile) -> Planned | OrientdError:
+        """Return the answer to a request, once its records are in *file*; see :meth:`.Worker.plan`.
 
         Raises:
             DaemonError: the process has ended instead.
         """
-        self.tasks += 1
-        parts = packed_task(task)
+        self.requests += 1
+        parts = packed_request(request)
         # The first bytes take the descriptor along; nothing else is on its way meanwhile.
         with contextlib.suppress(ConnectionError):
             sent = socket.send_fds(self._socket, parts, [file.descriptor])

@@ -12,7 +12,7 @@ from orientd.model.request import Frame
 from orientd.planner.motion import Motion
 from orientd.planner.path import PathSamples as Sampled
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import cone_message, from_request
+from orientd.protocol.cones import cone_message
 from orientd.protocol.reports import Samples
 from orientd.protocol.values import quaternion, vector
 from orientd.rotation import Floats
@@ -71,10 +71,8 @@ def known_methods() -> list[pb.Method]:
     ]
 
 
-def plan_response(motion: Motion, rate_hz: float, frame: Frame | None = None) -> bytes:
-    """Return a serialised ``PlanResponse``, or ``GetPlanResponse``, which has the same fields.
-
-    Arguments are those of :func:`samples_of`.
+def plan_samples(motion: Motion, rate_hz: float, frame: Frame | None = None) -> bytes:
+    """Return a serialised ``Plan`` with samples alone; arguments are those of :func:`samples_of`.
 
     Raises:
         RequestError: these would be too many samples.
@@ -84,24 +82,21 @@ def plan_response(motion: Motion, rate_hz: float, frame: Frame | None = None) ->
             "sample_rate_hz",
             f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at {rate_hz:g} Hz",
         )
-    plan = plan_of(motion)
-    if rate_hz:
-        times, samples = _sampled(motion, rate_hz, frame)
-        columns = {name: part.ravel().tolist() for name, part in samples._asdict().items()}
-        plan.samples.CopyFrom(pb.MotionColumns(path_times=times.tolist(), **columns))
-    return pb.PlanResponse(plan=plan).SerializeToString()
+    times, samples = _sampled(motion, rate_hz, frame)
+    columns = {name: part.ravel().tolist() for name, part in samples._asdict().items()}
+    message = pb.Plan(samples=pb.MotionColumns(path_times=times.tolist(), **columns))
+    return message.SerializeToString()
 
 
-def event(motion: Motion) -> bytes:
-    """Return a serialised ``Event`` with plan, request and some samples of a motion that starts."""
+def event_samples(motion: Motion) -> bytes:
+    """Return a serialised ``Event`` with some samples of a motion that starts, and nothing else."""
     times, samples = _sampled(motion, min(EVENT_RATE_HZ, EVENT_SAMPLES / motion.duration))
     rows = zip(times.tolist(), samples.q.tolist(), samples.omega_body.tolist(), strict=True)
-    told = [
+    messages = [
         pb.MotionSample(path_time=time, q=quaternion(q), omega_body=vector(omega))
         for time, q, omega in rows
     ]
-    message = pb.Event(plan=plan_of(motion), motion=from_request(motion.request), samples=told)
-    return message.SerializeToString()
+    return pb.Event(samples=messages).SerializeToString()
 
 
 def methods() -> bytes:

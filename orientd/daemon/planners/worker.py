@@ -1,4 +1,4 @@
-"""The planner process: it plans what it is asked to, one task after the other.
+"""The planner process: it plans what it is asked to, one request after the other.
 
 It knows the devices by their settings and their drivers, which it never opens.  Planners are forked
 from a process that has loaded everything and plans nothing, so that each is there within
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import gc
 import mmap
 import os
@@ -18,33 +19,33 @@ import socket
 from collections import OrderedDict
 from collections.abc import Iterable
 
-from google.protobuf.message import DecodeError
-
+from orientd import motion_file
 from orientd.config import DeviceSettings
 from orientd.daemon.planners import reporting
-from orientd.daemon.planners.task import (
+from orientd.daemon.planners.messages import (
     FIRST,
     HEADER,
-    PlanInput,
     Planned,
+    PlanRequest,
     RecordFile,
     Rest,
-    Task,
     packed,
-    unpacked_task,
+    unpacked_request,
 )
-from orientd.errors import OrientdError, PlanError, RequestError
-from orientd.model.request import Frame, Keyframe, MotionRequest
+from orientd.errors import OrientdError, PlanError
+from orientd.model.request import Frame, MotionRequest
 from orientd.planner.blending import NOT_BLENDED
 from orientd.planner.facts import HISTORY
 from orientd.planner.motion import Motion
 from orientd.planner.recorded import RecordedMotion, rows_of, start_of
 from orientd.planner.state import State
-from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import to_request
+from orientd.protocol.columns import keyframe_rows
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""
+
+_SMALL = b"keyframes: [{rotation_vector: [0, 0, 0]}, {rotation_vector: [0, 0, 0.02]}]"
+"""A motion file that needs everything which reads one."""
 
 _BLOCK = 8192
 """Records worked out at a time: more would take memory without being quicker."""
@@ -59,84 +60,92 @@ class Worker:
         """Make a planner for each device."""
         self._planners = {device.name: device.planner() for device in devices}
         self._known: OrderedDict[str, tuple[Motion, int, Frame | None]] = OrderedDict()
+        # A motion that is planned again, from another record, is not read again.
+        self._read = functools.lru_cache(1)(_read)
 
     def warm_up(self) -> None:
         """Plan something small for each device, so that nothing is left to be loaded."""
-        q = ((1.0, 0.0, 0.0, 0.0), (0.9999500004166653, 0.0, 0.0, 0.009999833334166664))
+        request = self._read(_SMALL, "", b"", 2)
         for planner in self._planners.values():
-            request = MotionRequest([Keyframe(one) for one in q])
             # Not every device can do that; what it loads is loaded.
             with contextlib.suppress(OrientdError, ValueError):
-                start = State.at_rest(q[0])
+                start = State.at_rest(request.keyframes[0].q)
                 planner.plan(request, start=start, joints=(), is_offline=True, unix_ns=0)
 
-    def plan(self, task: Task, file: RecordFile) -> Planned:
+    def plan(self, request: PlanRequest, file: RecordFile) -> Planned:
         """Plan a motion and write records of it to *file*, the first of a whole chunk at most.
 
         Raises:
             OrientdError: it cannot be planned.
         """
-        motion, leave, frame = self._motion(task.input, file)
+        motion, leave, frame = self._motion(request, file)
         file.say(f"reporting on {motion.record_count} records")
-        first, rate_hz = task.first, task.rate_hz
-        end = min(first + (task.count if first else min(task.count, FIRST)), motion.record_count)
+        first, count, rate_hz = request.first, request.count, request.rate_hz
+        end = min(first + (count if first else min(count, FIRST)), motion.record_count)
         file.write(first or -HISTORY, motion.recorded(first or -HISTORY, end).packed())
         # A report on a plan that is kept, without records, is in the device's own coordinates.
-        seen_in = frame if task.count else None
+        seen_in = frame if count else None
         return Planned(
             facts=motion.facts,
             leave=leave,
             plan=b"" if first else reporting.plan_of(motion).SerializeToString(),
-            response=reporting.plan_response(motion, rate_hz, seen_in) if rate_hz else b"",
+            samples=reporting.plan_samples(motion, rate_hz, seen_in) if rate_hz else b"",
             frame=frame,
             end=end,
         )
 
-    def rest(self, task: Task, planned: Planned, file: RecordFile) -> Rest:
+    def rest(self, request: PlanRequest, planned: Planned, file: RecordFile) -> Rest:
         """Write the other records of a first chunk; return the rest of the answer."""
-        motion, *_ = self._known[task.input.motion_id]
-        end = min(task.count, motion.record_count)
+        motion, *_ = self._known[request.motion_id]
+        end = min(request.count, motion.record_count)
         for first in range(planned.end, end, _BLOCK):
             file.write(first, motion.recorded(first, min(first + _BLOCK, end)).packed())
-        return Rest(max(end, planned.end), reporting.event(motion), resident())
+        return Rest(max(end, planned.end), reporting.event_samples(motion), resident())
 
-    def _motion(self, plan_input: PlanInput, file: RecordFile) -> tuple[Motion, int, Frame | None]:
+    def _motion(self, asked: PlanRequest, file: RecordFile) -> tuple[Motion, int, Frame | None]:
         """Return the motion, where it leaves the one before, and in which frame it is."""
-        known = self._known.get(plan_input.motion_id)
+        known = self._known.get(asked.motion_id)
         if known is not None:
             return known
-        try:
-            request = to_request(pb.MotionRequest.FromString(plan_input.motion))
-        except DecodeError as error:
-            raise RequestError("motion", f"cannot be read: {error}") from error
+        request = self._read(asked.motion, asked.source, asked.columns, asked.keyframes)
         duration = f", duration {request.duration}" if request.duration else ""
         file.say(f"planning {len(request.keyframes)} keyframes with {request.method}{duration}")
-        planner, rows = self._planners[plan_input.device], rows_of(plan_input.records)
-        leave, after = 0, plan_input.after
+        planner, rows = self._planners[asked.device], rows_of(asked.records)
+        leave, after = 0, asked.after
         if after is not None:
-            left = max(0, after.record_count - plan_input.earliest) * after.period
+            left = max(0, after.record_count - asked.earliest) * after.period
             leave, motion = planner.blend(
                 RecordedMotion(after, rows, after.record_count - len(rows)),
                 request,
-                tolerance=plan_input.tolerance,
-                earliest=plan_input.earliest,
-                motion_id=plan_input.motion_id,
-                unix_ns=plan_input.unix_ns + round(1e9 * left),
+                tolerance=asked.tolerance,
+                earliest=asked.earliest,
+                motion_id=asked.motion_id,
+                unix_ns=asked.unix_ns + round(1e9 * left),
             )
         else:
             start = start_of(rows)._asdict()
             motion = planner.plan(
                 request,
                 **start,
-                motion_id=plan_input.motion_id,
-                unix_ns=plan_input.unix_ns,
+                motion_id=asked.motion_id,
+                unix_ns=asked.unix_ns,
             )
-            if plan_input.tolerance > 0.0:
+            if asked.tolerance > 0.0:
                 motion = motion.noted(f"{NOT_BLENDED}: the device was at rest")
-        known = self._known[plan_input.motion_id] = motion, leave, planner.report_frame(request)
+        known = self._known[asked.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)
         return known
+
+
+def _read(text: bytes, source: str, columns: bytes, most: int) -> MotionRequest:
+    """Return the request in a text, or in a text and columns.
+
+    Raises:
+        RequestError: it is not well formed, or has more keyframes than *most*.
+    """
+    rows = keyframe_rows(columns, most) if columns else ()
+    return motion_file.loads(text, source, rows=rows, most=most)
 
 
 def main(channel: int) -> None:
@@ -178,12 +187,12 @@ def main(channel: int) -> None:
 def serve(peer: socket.socket, worker: Worker) -> None:
     """Serve as a planner until the daemon closes the channel."""
     descriptors: list[int] = []
-    task: Task | None
-    while (task := _received_task(peer, descriptors)) is not None:
+    request: PlanRequest | None
+    while (request := _received_request(peer, descriptors)) is not None:
         file = RecordFile(descriptors.pop())
         answer: Planned | OrientdError
         try:
-            answer = worker.plan(task, file)
+            answer = worker.plan(request, file)
         except OrientdError as error:
             answer = error
         except MemoryError:
@@ -191,18 +200,19 @@ def serve(peer: socket.socket, worker: Worker) -> None:
         except Exception as error:  # noqa: BLE001 - one request fails, and says why
             answer = PlanError(f"planning failed: {type(error).__name__}: {error}")
         peer.sendall(packed(answer))
-        # The request gets its answer before the rest is written.
+        # The caller gets the answer before the rest is written.
         rest = Rest(0, b"", resident())
-        if isinstance(answer, Planned) and task.count and not task.first:
+        if isinstance(answer, Planned) and request.count and not request.first:
             with contextlib.suppress(MemoryError):
-                rest = worker.rest(task, answer, file)
+                rest = worker.rest(request, answer, file)
         peer.sendall(packed(rest))
 
 
-def _received_task(peer: socket.socket, descriptors: list[int]) -> Task | None:
-    """Return the next task, and add the descriptor that comes with it; ``None`` at the end."""
-    body, motion = _received(peer, descriptors), _received(peer, descriptors)
-    return None if body is None or motion is None else unpacked_task(body, motion)
+def _received_request(peer: socket.socket, descriptors: list[int]) -> PlanRequest | None:
+    """Return the next request, and add the descriptor that comes with it; ``None`` at the end."""
+    parts = [_received(peer, descriptors) for _ in range(3)]
+    found = [part for part in parts if part is not None]
+    return unpacked_request(*found) if len(found) == len(parts) else None
 
 
 def _received(peer: socket.socket, descriptors: list[int]) -> bytearray | None:

@@ -1,5 +1,6 @@
 """How the driver looks at a robot, and what it makes of its sockets and of hanging calls."""
 
+import json
 import os
 import signal
 import socket
@@ -22,11 +23,10 @@ from ur_rig import (
 
 from orientd.clock import MonotonicClock
 from orientd.daemon.device import MoveOptions
-from orientd.daemon.planners.task import PlanCall
+from orientd.daemon.planners.messages import PlanRequest
 from orientd.driver import Setpoint
 from orientd.errors import LinkError, PlanError, RequestError, StateError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
-from orientd.protocol import control_pb2 as pb
 from orientd_ur import UrDriver
 from orientd_ur.controller import RuntimeState, version_problem
 from orientd_ur.link import are_open, send_at_once
@@ -123,9 +123,8 @@ def test_motion_brings_options_of_its_own_and_the_next_has_those_of_the_configur
             until(lambda: is_holding(device), "the end")
             assert ur_robot.state()["servoing"] == found
         begun = swing_motion(device)
-        other = pb.MotionRequest.FromString(begun.input.motion)
-        other.device_options.update({"gain": 700})
-        order = PlanCall(other.SerializeToString())
+        other = {**json.loads(begun.request.motion), "device_options": {"gain": 700}}
+        order = PlanRequest(json.dumps(other).encode())
         run(device, begun)
         streaming(device)
         with pytest.raises(StateError, match="device_options change at rest only"):

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from motions import read
 
 from orientd import motion_file, plots
 from orientd.cli.main import app
 from orientd.curves import METHODS, comparison, is_pair
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner import plan as planned
-from orientd.protocol.motion import from_request, to_request
 from orientd.rotation import angle
 
 KEYFRAMES = """
@@ -82,7 +82,7 @@ def test_four_commands_make_one_curve(name, velocities, made, tmp_path):
     planned_as = run("plan", file, "-o", samples)["plan"]
     request = motion_file.load(file)
     # What the daemon plans has been over the wire.
-    received = to_request(from_request(request))
+    received = read(request)
     start = State.at_rest(request.keys[0])
     moved = planned(received, start=start, limits=DEFAULT_LIMITS, period=PERIOD)
 

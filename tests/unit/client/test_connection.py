@@ -13,7 +13,7 @@ from orientd_fleet import connect_fleet
 def test_what_is_called_wrongly_is_not_taken_for_a_closed_connection(tmp_path):
     robot = Robot(Way(tmp_path / "a.sock"), holder="ana", timeout=1.0)
     with pytest.raises(ValueError, match="rotation_vector") as caught:
-        robot.plan([{"rotation_vector": [0.1]}])
+        robot.plan([[0.1]])
     assert not isinstance(caught.value, DaemonError)
     robot.close()
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from concurrent.futures import Future
 
 from orientd.daemon.device import AT_ONCE
 from orientd.daemon.planners import reporting
+from orientd.daemon.planners.messages import CHUNK, Planned, PlanRequest, RecordFile, Rest
 from orientd.daemon.planners.planned_motion import PlannedMotion
-from orientd.daemon.planners.task import PlanCall, PlanInput, Planned, RecordFile, Rest, Task
 from orientd.daemon.planners.worker import Worker
+from orientd.motion_file import written
 from orientd.planner import HISTORY, State, rows_of, start_of
-from orientd.protocol.motion import from_request
 
 
 class DirectPlanners:
@@ -22,25 +23,27 @@ class DirectPlanners:
     def __init__(self, settings):
         self.worker = Worker(settings)
 
-    async def plan(self, plan_input: PlanInput, call: PlanCall, *, rank=None) -> PlannedMotion:
-        task, file = Task(plan_input, rate_hz=call.rate_hz), RecordFile()
-        planned = self.worker.plan(task, file)
+    async def plan(self, request: PlanRequest, *, rank=None) -> PlannedMotion:
+        file = RecordFile()
+        planned = self.worker.plan(request, file)
         rest = Future()
-        rest.set_result(self.worker.rest(task, planned, file))
-        return PlannedMotion(planned, plan_input, file, more=self._more, rest=rest)
+        rest.set_result(self.worker.rest(request, planned, file))
+        return PlannedMotion(planned, request, file, more=self._more, rest=rest)
 
-    def _more(self, plan_input, file, first, _lasts):
+    def _more(self, request, file, first, _lasts):
         more = Future()
-        more.set_result(self.worker.plan(Task(plan_input, first), file).end)
+        again = request.again(self.timeout, first=first, count=CHUNK)
+        more.set_result(self.worker.plan(again, file).end)
         return more
 
     async def records(self, motion, first):
         count, file = motion.facts.record_count - first, RecordFile()
-        planned = self.worker.plan(Task(motion.input, first, count), file)
-        return file.read(first, planned.end - first)
+        again = motion.request.again(self.timeout, first=first, count=count)
+        return file.read(first, self.worker.plan(again, file).end - first)
 
-    async def report(self, plan_input, call, rate_hz):
-        return self.worker.plan(Task(plan_input, 0, 0, rate_hz), RecordFile()).response
+    async def report(self, motion, caller, rate_hz):
+        again = motion.request.again(self.timeout, caller=caller, rate_hz=rate_hz, count=0)
+        return self.worker.plan(again, RecordFile()).samples
 
     async def methods(self):
         return reporting.methods()
@@ -60,8 +63,8 @@ def state_at(motion: PlannedMotion, record) -> State:
     return start_of(rows_of(motion.start_at(record))).start
 
 
-def order_of(request) -> PlanCall:
-    return PlanCall(from_request(request).SerializeToString())
+def order_of(request) -> PlanRequest:
+    return PlanRequest(json.dumps(written(request)).encode())
 
 
 def run(device, motion, options=AT_ONCE):

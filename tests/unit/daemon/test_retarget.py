@@ -12,7 +12,7 @@ from orientd import config
 from orientd.daemon.device import retarget
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.retarget import ReplanningHorizon, Retargeting
-from orientd.daemon.planners.task import PlanInput, record_at_rest
+from orientd.daemon.planners.messages import record_at_rest
 from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import ZERO
 from orientd.errors import LimitError
@@ -43,9 +43,8 @@ def planners():
 
 @pytest.fixture(scope="module")
 def first(planners):
-    order = to(AIM)
-    job = PlanInput("arm", order.motion, record_at_rest(HERE, ZERO, ()), order.unix_ns)
-    return asyncio.run(planners.plan(job, order))
+    request = to(AIM).beginning("arm", record_at_rest(HERE, ZERO, ()))
+    return asyncio.run(planners.plan(request))
 
 
 class Queue:
@@ -95,7 +94,7 @@ def test_a_motion_that_cannot_begin_where_a_device_gains_speed_begins_a_little_l
     leave = SplicePoint(1, RISING)
     records, order = first.start_at(RISING), to(OTHER, limits=GENTLE)
     with pytest.raises(LimitError, match="in the lead-in") as refused:
-        asyncio.run(planners.plan(PlanInput("arm", order.motion, records, order.unix_ns), order))
+        asyncio.run(planners.plan(order.beginning("arm", records)))
     assert refused.value.is_in_lead_in
     later, motion, chosen, _ = successor(planners, first, order, leave)
     assert later.record == RISING + round(0.15 / PERIOD)

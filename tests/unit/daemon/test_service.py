@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 from direct_planners import DirectPlanners
 from fake_device import FakeServo, servo_of
+from motions import through
 
 from emulated_dynamixel import ManualClock
 from orientd import config
@@ -25,9 +26,7 @@ SETTINGS = {
 }
 ANA = Caller(SimpleNamespace(), "test", Identity("user:1", "ana", Role.OPERATOR))
 BEN = Caller(SimpleNamespace(), "test", Identity("user:2", "ben", Role.OPERATOR))
-TURN = pb.MotionRequest(
-    keyframes=[pb.Keyframe(rotation_vector=pb.Vector3(z=angle)) for angle in (0.0, 0.1)]
-)
+TURN = through([(0, 0, 0), (0, 0, 0.1)])
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,7 @@ def started(service, request, caller=ANA):
 
     async def first():
         async with contextlib.aclosing(service.Move(request, caller)) as answers:
-            return (await anext(answers)).started
+            return pb.MoveResponse.FromString((await anext(answers)).content).started
 
     return asyncio.run(first())
 

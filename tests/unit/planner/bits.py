@@ -9,9 +9,9 @@ import random
 import sys
 from dataclasses import replace
 
+from motions import read
 from wild import wild_motion
 
-from orientd.client.motion_request import motion_request
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
 from orientd.planner import DEFAULT_LIMITS, State, plan
@@ -45,7 +45,7 @@ def fingerprint(number):
 
 
 def planned(keyframes, fields, start):
-    request = motion_request(keyframes, **fields)
+    request = read(keyframes, **fields)
     equal = replace(DEFAULT_LIMITS)  # every caller has its own
     return plan(request, start=start, limits=equal, period=PERIOD, motion_id="same")
 

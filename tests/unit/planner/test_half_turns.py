@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from half_turns import FORMS, form_of, rate, way
+from motions import read
 
 import orientd
 from orientd import processor
-from orientd.client.motion_request import motion_request
 from orientd.curves import METHODS, CurveTask, is_pair, make_curve
 from orientd.motion_file import parse
 from orientd.planner import DEFAULT_LIMITS, MotionRequest, State, plan
@@ -116,7 +116,7 @@ def test_a_single_keyframe_half_a_turn_from_rest_goes_the_same_way(axis, goes, s
         others = {name: value for name, value in fields.items() if name != "position"}
         keyframe = {"quaternion": dict(zip("wxyz", target.tolist(), strict=True))}
         keyframe |= {"position": position} if position else {}
-        request = motion_request([keyframe], **others)
+        request = read([keyframe], **others)
         start = State.at_rest(HERE)
         motion = plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002)
         omega = motion.sample(np.array([0.5 * motion.duration])).omega_body[0]

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from motions import read
 
 from orientd import motion_file
 from orientd.errors import LimitError, PlanError, RequestError
 from orientd.planner import Limits, State, plan
-from orientd.protocol.motion import from_request, to_request
 from orientd.rotation import conjugate, exp, log, multiply, rotate
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
@@ -18,7 +18,7 @@ PERIOD = 0.01
 
 def turned(rate, duration, limits=LIMITS, **others):
     request = motion_file.parse({"rate": rate, "duration": duration, **others})
-    return plan(to_request(from_request(request)), start=START, limits=limits, period=PERIOD)
+    return plan(read(request), start=START, limits=limits, period=PERIOD)
 
 
 @pytest.mark.parametrize("rate", [[0, 0, 0.05], [0, 0, -1.4], [0.3, -0.4, 0.5]])

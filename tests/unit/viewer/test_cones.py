@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd.keep_out import KeepOut
-from orientd.protocol.motion import cone_message
+from orientd.protocol.cones import cone_message
 from orientd.sun import Sun
 from orientd.viewer.view import edges
 

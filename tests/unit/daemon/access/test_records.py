@@ -161,19 +161,14 @@ def test_a_request_is_told_by_its_numbers_and_texts_without_its_token(request_, 
     assert authorization.describe(request_) == told
 
 
-def test_a_motion_is_told_by_its_name_its_keyframes_and_a_digest():
-    def told(*vectors):
-        keyframes = [pb.Keyframe(rotation_vector=pb.Vector3(z=z)) for z in vectors]
-        motion = pb.MotionRequest(name="turn", keyframes=keyframes)
-        return authorization.describe(pb.MoveRequest(motion=motion))["motion"]
+def test_a_motion_is_told_by_its_file_its_size_and_a_digest():
+    def told(motion, columns=b""):
+        request = pb.MoveRequest(motion=motion, source="turn.yaml", columns=columns)
+        told = authorization.describe(request)
+        assert told.pop("source") == "turn.yaml"
+        return told["motion"]
 
-    first, again, other = told(0.1, 0.2), told(0.1, 0.2), told(0.1, 0.3)
-    assert (first["name"], first["keyframes"], len(first["sha256"])) == ("turn", 2, 64)
+    first, again, other, columns = told(b"one"), told(b"one"), told(b"two"), told(b"one", b"more")
+    assert (first["bytes"], columns["bytes"], len(first["sha256"])) == (3, 7, 64)
     assert first == again
-    assert first["sha256"] != other["sha256"]
-
-
-def test_keyframes_in_columns_are_counted_as_others_are():
-    columns = pb.KeyframeColumns(quaternions=[1.0, 0.0, 0.0, 0.0] * 3)
-    request = pb.MoveRequest(motion=pb.MotionRequest(columns=columns))
-    assert authorization.describe(request)["motion"]["keyframes"] == 3
+    assert len({one["sha256"] for one in (first, other, columns)}) == 3

@@ -8,41 +8,36 @@ import time
 import numpy as np
 import pytest
 from direct_planners import DirectPlanners
+from motions import through
 
 from orientd import config
+from orientd.daemon.planners.messages import CHUNK, PlanRequest, Rank, record_at_rest
 from orientd.daemon.planners.pool import MOST_WAITING, Planners
-from orientd.daemon.planners.task import CHUNK, PlanCall, PlanInput, Rank, record_at_rest
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
-from orientd.planner import MOTION_RECORD, DevicePlanner, Keyframe, MotionRequest
-from orientd.protocol.motion import from_request
-from orientd.rotation import exp
+from orientd.planner import MOTION_RECORD, DevicePlanner
 
 SETTINGS = config.default_settings().devices["arm"]
 HERE = record_at_rest(IDENTITY, ZERO, ())
 
 
 def motion(*angles, **fields):
-    keyframes = [Keyframe(tuple(exp([0.0, 0.0, angle]))) for angle in (0.0, *angles)]
-    return from_request(MotionRequest(keyframes, **fields)).SerializeToString()
+    return through([(0, 0, angle) for angle in (0.0, *angles)], **fields)
 
 
 SMALL = motion(0.1)
 
 
-def quick():
-    return PlanCall(SMALL, timeout=60.0)
-
-
 ENDLESS = motion(*np.tile([0.1, 0.2], 50_000))
 
 
+def job(content=SMALL, caller="", timeout=60.0):
+    request = PlanRequest(content, caller=caller, timeout=timeout, unix_ns=0)
+    return request.beginning("arm", HERE)
+
+
 def endless(timeout, caller=""):
-    return PlanCall(ENDLESS, caller, timeout)
-
-
-def job(content=SMALL, name="arm"):
-    return PlanInput(name, content, HERE, 0)
+    return job(ENDLESS, caller, timeout)
 
 
 def run(test, *, processes=1, timeout=60.0):
@@ -56,7 +51,7 @@ def run(test, *, processes=1, timeout=60.0):
         )
         planners.start()
         try:
-            await planners.plan(job(), PlanCall(SMALL, timeout=60.0))
+            await planners.plan(job())
             while not planners._idle:
                 await asyncio.sleep(0.01)
             return await test(planners)
@@ -74,12 +69,12 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
     one = job(motion(0.3, -0.2, 0.5))
 
     async def test(planners):
-        found = await planners.plan(one, PlanCall(one.motion, timeout=60.0))
+        found = await planners.plan(one)
         assert await asyncio.to_thread(found.await_event, lambda: False)
         return found, found.event
 
     there, event = run(test)
-    here = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(one.motion)))
+    here = asyncio.run(DirectPlanners([SETTINGS]).plan(one))
     assert (there.plan, event) == (here.plan, here.event)
     count = here.facts.record_count
     assert there.read(0, count) == here.read(0, count)
@@ -88,10 +83,10 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
 def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
     async def test(planners):
         with pytest.raises(RequestError, match=r"^keyframes: expected at least 1") as refused:
-            await planners.plan(job(b""), PlanCall(b""))
+            await planners.plan(job(b"keyframes: []"))
         assert refused.value.field == "keyframes"
-        with pytest.raises(RequestError, match=r"^motion: cannot be read"):
-            await planners.plan(job(b"nonsense"), PlanCall(b"nonsense"))
+        with pytest.raises(RequestError, match=r"^a motion must be a mapping"):
+            await planners.plan(job(b"nonsense"))
 
     run(test)
 
@@ -99,12 +94,12 @@ def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
 def test_a_killed_planner_fails_one_request_and_is_replaced():
     async def test(planners):
         (before,) = pids(planners)
-        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), endless(60.0)))
+        asked = asyncio.ensure_future(planners.plan(endless(60.0)))
         await asyncio.sleep(0.1)
         os.kill(before, signal.SIGKILL)
         with pytest.raises(DaemonError, match=f"planner process {before} ended while "):
             await asked
-        assert (await planners.plan(job(), quick())).facts.record_count > 1
+        assert (await planners.plan(job())).facts.record_count > 1
         assert pids(planners) != [before]
 
     run(test)
@@ -113,9 +108,9 @@ def test_a_killed_planner_fails_one_request_and_is_replaced():
 def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
     async def test(planners):
         with pytest.raises(DeadlineError, match=r"^planning took longer than 0\.05 s: ") as late:
-            await planners.plan(job(ENDLESS), endless(0.05))
+            await planners.plan(endless(0.05))
         assert isinstance(late.value, PlanError)
-        assert (await planners.plan(job(), quick())).facts.record_count > 1
+        assert (await planners.plan(job())).facts.record_count > 1
 
     run(test)
 
@@ -125,7 +120,7 @@ def test_a_planner_that_cannot_be_started_is_named(monkeypatch, tmp_path):
         planners = Planners([SETTINGS], processes=1, timeout=60.0)
         planners.start()
         try:
-            await planners.plan(job(), PlanCall(SMALL, timeout=0.5))
+            await planners.plan(job(timeout=0.5))
         finally:
             await planners.close()
 
@@ -140,8 +135,8 @@ def test_a_planner_that_stands_still_is_killed():
         (before,) = pids(planners)
         os.kill(before, signal.SIGSTOP)
         with pytest.raises(DeadlineError):
-            await planners.plan(job(), PlanCall(SMALL, timeout=0.2))
-        assert (await planners.plan(job(), quick())).facts.record_count > 1
+            await planners.plan(job(timeout=0.2))
+        assert (await planners.plan(job())).facts.record_count > 1
         assert pids(planners) != [before]
 
     run(test)
@@ -150,10 +145,10 @@ def test_a_planner_that_stands_still_is_killed():
 def test_a_caller_that_goes_away_frees_its_planner():
     async def test(planners):
         before = pids(planners)
-        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), endless(60.0)))
+        asked = asyncio.ensure_future(planners.plan(endless(60.0)))
         await asyncio.sleep(0.1)
         asked.cancel()
-        assert (await planners.plan(job(), quick())).facts.record_count > 1
+        assert (await planners.plan(job())).facts.record_count > 1
         return before, pids(planners)
 
     before, after = run(test)
@@ -163,15 +158,15 @@ def test_a_caller_that_goes_away_frees_its_planner():
 def test_a_small_request_does_not_wait_behind_large_ones():
     order = []
 
-    async def ask(planners, call, name):
-        await planners.plan(job(call.motion), call)
+    async def ask(planners, request, name):
+        await planners.plan(request)
         order.append(name)
 
     async def test(planners):
-        large = PlanCall(motion(*np.tile([0.1, 0.2], 600)), timeout=60.0)
+        large = job(motion(*np.tile([0.1, 0.2], 600)))
         many = [asyncio.ensure_future(ask(planners, large, "large")) for _ in range(2)]
         await asyncio.sleep(0)
-        await ask(planners, quick(), "small")
+        await ask(planners, job(), "small")
         await asyncio.gather(*many)
 
     run(test)
@@ -181,7 +176,7 @@ def test_a_small_request_does_not_wait_behind_large_ones():
 def test_what_one_caller_may_have_waiting_is_bounded():
     async def test(planners):
         asked = [
-            asyncio.ensure_future(planners.plan(job(), PlanCall(SMALL, "many", 60.0)))
+            asyncio.ensure_future(planners.plan(job(caller="many")))
             for _ in range(MOST_WAITING + 5)
         ]
         ended = await asyncio.gather(*asked, return_exceptions=True)
@@ -197,12 +192,11 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
         while len(planners._planners) < 3:
             await asyncio.sleep(0.05)
         large = [
-            asyncio.ensure_future(planners.plan(job(ENDLESS), endless(60.0, str(caller))))
-            for caller in range(3)
+            asyncio.ensure_future(planners.plan(endless(60.0, str(caller)))) for caller in range(3)
         ]
         await asyncio.sleep(0.05)
-        await planners.plan(job(), quick(), rank=Rank.URGENT)
-        await planners.plan(job(), quick())
+        await planners.plan(job(), rank=Rank.URGENT)
+        await planners.plan(job())
         assert not any(one.done() for one in large)
         for one in large:
             one.cancel()
@@ -213,7 +207,7 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
 
 def test_whoever_waits_is_told_when_the_daemon_ends():
     async def test(planners):
-        asked = [asyncio.ensure_future(planners.plan(job(), quick())) for _ in range(3)]
+        asked = [asyncio.ensure_future(planners.plan(job())) for _ in range(3)]
         await asyncio.sleep(0)
         await planners.close()
         for one in asked:
@@ -232,7 +226,7 @@ def test_a_motion_of_several_chunks_is_fed_to_its_end_and_again():
             fed += found.feed(place, 4096)
         return fed
 
-    found = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(one.motion)))
+    found = asyncio.run(DirectPlanners([SETTINGS]).plan(one))
     assert found.facts.record_count > 2 * CHUNK
     first = fed(found)
     assert len(first) == (found.rest_record + 1) * MOTION_RECORD.size
@@ -246,7 +240,7 @@ def test_a_slow_planner_may_take_longer_than_a_request_over_the_next_chunk():
 
     async def test(planners):
         (pid,) = pids(planners)
-        found = await planners.plan(one, PlanCall(one.motion, timeout=60.0))
+        found = await planners.plan(one)
         await found.arrive(CHUNK)
         os.kill(pid, signal.SIGSTOP)
         found.feed(CHUNK // 2 + 1, 512)  # asks for more
@@ -281,7 +275,7 @@ def test_an_idle_planner_that_dies_is_replaced_before_anybody_asks():
         os.kill(before, signal.SIGKILL)
         while pids(planners) in ([before], []):
             await asyncio.sleep(0.01)
-        assert (await planners.plan(job(), quick())).facts.record_count > 1
+        assert (await planners.plan(job())).facts.record_count > 1
 
     run(test)
 

@@ -24,22 +24,21 @@ def motion():
 
 @pytest.mark.parametrize("rate_hz", [500.0, 33.3])
 def test_samples_are_read_back_as_they_are(motion, rate_hz):
-    response = pb.PlanResponse.FromString(reporting.plan_response(motion, rate_hz))
-    read, meant = (
-        samples(response.plan),
-        reporting.samples_of(motion, rate_hz),
-    )
+    plan = pb.Plan.FromString(reporting.plan_samples(motion, rate_hz))
+    read, meant = samples(plan), reporting.samples_of(motion, rate_hz)
     for name in ("times", "q", "omega_body", "alpha_body", "position", "velocity"):
         np.testing.assert_array_equal(getattr(read, name), getattr(meant, name))
-    assert response.plan.motion_id == motion.id
 
 
-def test_a_plan_without_samples_has_none(motion):
-    assert not pb.PlanResponse.FromString(reporting.plan_response(motion, 0.0)).plan.HasField(
-        "samples"
-    )
+def test_a_plan_and_its_samples_are_put_one_behind_the_other(motion):
+    plan = reporting.plan_of(motion)
+    both = pb.Plan.FromString(plan.SerializeToString() + reporting.plan_samples(motion, 50.0))
+    assert both.motion_id == motion.id
+    assert both.HasField("samples")
+    both.ClearField("samples")
+    assert both == plan
 
 
 def test_more_samples_than_a_message_holds_are_refused(motion):
     with pytest.raises(RequestError, match="more than 300000 samples"):
-        reporting.plan_response(motion, 1e9)
+        reporting.plan_samples(motion, 1e9)

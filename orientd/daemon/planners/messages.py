@@ -1,11 +1,11 @@
-"""Define the messages between the daemon and a planner process: task, answer, and rest.
+"""Define the messages between the daemon and a planner process: request, answer, and rest.
 
 A message is its length and a pickle; both ends are of one installation and one user.  The motion
-follows its task as it is, because copies of a large one would keep the event loop busy.  Each task
-carries the descriptor of a file in memory.  The planner writes the records of the motion to it, and
-its current stage in words.  The daemon only copies records, so they stay bytes there.  A planner
-answers a task twice.  The first answer is a :class:`Planned` or an error.  The second is the
-:class:`Rest`, and no request waits for it.
+follows its request as it is, because copies of a large one would keep the event loop busy.  Each
+request carries the descriptor of a file in memory.  The planner writes the records of the motion to
+it, and its current stage in words.  The daemon only copies records, so they stay bytes there.  A
+planner answers a request twice.  The first answer is a :class:`Planned` or an error.  The second is
+the :class:`Rest`, and no caller waits for it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FIRST = 1024
 """Records that are there with the answer; the others of a chunk come with the rest."""
 
 SMALL_BYTES = 32_768
-"""Of a request that counts as small: some 800 keyframes."""
+"""Of a request that counts as small: 300 keyframes as a text, 800 as columns."""
 
 HEADER = struct.Struct("!Q")
 
@@ -51,21 +51,36 @@ class Rank(IntEnum):
     LARGE = 2
 
 
-@dataclass(frozen=True, slots=True)
-class PlanCall:
-    """A motion that a caller asks for.
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanRequest:
+    """A motion that a caller asks for, with everything that its plan depends on.
 
     Attributes:
-        motion: a serialised ``orientd.v1.MotionRequest``.
+        motion: the text of a motion file, which only the planner reads.
+        source: name of the file, for errors; empty if the text is from no file.
+        columns: keyframes as a serialised ``KeyframeColumns``, in place of those of the text.
+        keyframes: the most that it may have.
         caller: who asks; how much of one caller may wait is bounded.
         timeout: longest planning time, s, including waits for a planner and repeated plans.
         rate_hz: samples a second to report with the plan; 0 for none.
         began: when that time began, monotonic s.
         unix_ns: Unix time of the request, ns, for keep-out cones that move.
         waits: s, each that the device was waited for; see :meth:`waiting`.
+        device: the device to plan for.
+        motion_id: names the motion, and no other.
+        records: where the motion begins.  From rest: one record.  From a running motion: the record
+            at which to leave it and the three before.  After a motion: the end of that motion.
+        after: the motion to follow; ``None`` if it begins at the last of *records*.
+        tolerance: how far from the corner between the two the device may pass, rad.
+        earliest: the record of *after* before which that cannot be left any more.
+        first: first record to write; with record 0 come the three before it.
+        count: how many records to write; fewer if the motion ends.
     """
 
     motion: bytes
+    source: str = ""
+    columns: bytes = b""
+    keyframes: int = 200_000
     caller: str = ""
     timeout: float = 10.0
     rate_hz: float = 0.0
@@ -73,6 +88,49 @@ class PlanCall:
     began: float = field(default_factory=lambda: time.monotonic())
     unix_ns: int = field(default_factory=lambda: time.time_ns())
     waits: list[float] = field(default_factory=list)
+    device: str = ""
+    motion_id: str = ""
+    records: bytes = b""
+    after: MotionFacts | None = None
+    tolerance: float = 0.0
+    earliest: int = 0
+    first: int = 0
+    count: int = CHUNK
+
+    def beginning(
+        self,
+        device: str,
+        records: bytes,
+        *,
+        after: MotionFacts | None = None,
+        tolerance: float = 0.0,
+        earliest: int = 0,
+    ) -> PlanRequest:
+        """Return the request for a motion of *device* that begins at *records*, with a new name."""
+        return replace(
+            self,
+            device=device,
+            records=records,
+            after=after,
+            tolerance=tolerance,
+            earliest=earliest,
+            motion_id=os.urandom(6).hex(),
+        )
+
+    def again(
+        self, timeout: float, *, caller: str = "", rate_hz: float = 0.0, first: int = 0, count: int
+    ) -> PlanRequest:
+        """Return a request for records or samples of the same motion, which begins now."""
+        return replace(
+            self,
+            timeout=timeout,
+            caller=caller,
+            rate_hz=rate_hz,
+            first=first,
+            count=count,
+            began=time.monotonic(),
+            waits=[],
+        )
 
     @contextlib.contextmanager
     def waiting(self) -> Iterator[None]:
@@ -91,60 +149,22 @@ class PlanCall:
     @property
     def rank(self) -> Rank:
         """The rank of the request on a device at rest."""
-        return Rank.SMALL if len(self.motion) <= SMALL_BYTES else Rank.LARGE
+        return Rank.SMALL if self.size <= SMALL_BYTES else Rank.LARGE
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanInput:
-    """A motion to plan, with everything that it depends on.
-
-    Attributes:
-        device: what is to move.
-        motion: a serialised ``orientd.v1.MotionRequest``.
-        unix_ns: Unix time of the request, ns, for keep-out cones that move.
-        motion_id: names the motion, and no other.
-        records: where the motion begins.  From rest: one record.  From a running motion: the record
-            at which to leave it and the three before.  After a motion: the end of that motion.
-        after: the motion to follow; ``None`` if it begins at the last of *records*.
-        tolerance: how far from the corner between the two the device may pass, rad.
-        earliest: the record of *after* before which that cannot be left any more.
-    """
-
-    device: str
-    motion: bytes
-    records: bytes
-    unix_ns: int
-    motion_id: str = field(default_factory=lambda: os.urandom(6).hex())
-    after: MotionFacts | None = None
-    tolerance: float = 0.0
-    earliest: int = 0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Task:
-    """Ask a planner for a motion's records.
-
-    Attributes:
-        input: what to plan.
-        first: record that is wanted; with record 0 come the three before it.
-        count: how many records are; fewer if the motion ends.
-        rate_hz: samples a second to report; 0 for none.
-    """
-
-    input: PlanInput
-    first: int = 0
-    count: int = CHUNK
-    rate_hz: float = 0.0
+    @property
+    def size(self) -> int:
+        """Bytes of the motion."""
+        return len(self.motion) + len(self.columns)
 
 
 class Planned(NamedTuple):
-    """Answer a task, once the first records are in the file.
+    """Answer a request, once the first records are in the file.
 
     Attributes:
         facts: summary of the motion.
         leave: record of the motion before at which it begins, of one that follows another.
-        plan: a serialised ``orientd.v1.Plan``.
-        response: a serialised ``PlanResponse`` with samples, if the task asks for some.
+        plan: a serialised ``orientd.v1.Plan``, which callers and events get as it is.
+        samples: a serialised ``Plan`` with samples alone, if the request asks for some.
         frame: in which the motion was asked for; ``None`` for the device's own coordinates.
         end: the record behind the last one in the file.
     """
@@ -152,22 +172,22 @@ class Planned(NamedTuple):
     facts: MotionFacts
     leave: int
     plan: bytes
-    response: bytes
+    samples: bytes
     frame: Frame | None
     end: int
 
 
 class Rest(NamedTuple):
-    """Complete an answer; no request waits for this.
+    """Complete an answer; no caller waits for this.
 
     Attributes:
         end: the record behind the last one in the file by now.
-        event: a serialised ``Event``, which the journal reports when the motion starts.
+        samples: a serialised ``Event`` with samples alone, for the event of the start.
         resident: bytes of memory that the process uses now.
     """
 
     end: int
-    event: bytes
+    samples: bytes
     resident: int
 
 
@@ -240,19 +260,18 @@ def record_at_rest(q: Quaternion, position: Vector3, joints: Joints) -> bytes:
     return MOTION_RECORD.pack(*at)
 
 
-def packed_task(task: Task) -> list[bytes]:
-    """Return the message of a task in parts: the task without its motion, then the motion."""
-    motion = task.input.motion
-    return [packed(_with_motion(task, b"")), HEADER.pack(len(motion)), motion]
+def packed_request(request: PlanRequest) -> list[bytes]:
+    """Return the message of a request in parts: the request without its motion, then the motion."""
+    parts = request.motion, request.columns
+    headers = [HEADER.pack(len(part)) for part in parts]
+    bare = packed(replace(request, motion=b"", columns=b""))
+    return [bare, headers[0], parts[0], headers[1], parts[1]]
 
 
-def unpacked_task(body: bytearray, motion: bytearray) -> Task:
-    """Return the task of a message."""
-    return _with_motion(pickle.loads(body), bytes(motion))
-
-
-def _with_motion(task: Task, motion: bytes) -> Task:
-    return replace(task, input=replace(task.input, motion=motion))
+def unpacked_request(body: bytearray, motion: bytearray, columns: bytearray) -> PlanRequest:
+    """Return the request of a message."""
+    request: PlanRequest = pickle.loads(body)
+    return replace(request, motion=bytes(motion), columns=bytes(columns))
 
 
 def packed(content: object) -> bytes:
