@@ -161,6 +161,8 @@ class Client:
         async def listen(service):
             async with contextlib.aclosing(service.Move(request, self.caller)) as stream:
                 async for answer in stream:
+                    if not isinstance(answer, pb.MoveResponse):
+                        answer = pb.MoveResponse.FromString(answer.content)
                     answers.append(answer)
                     self.system.note(self.name, answer)
                     if answer.HasField("started") and answer.started.lease.token:

@@ -133,9 +133,9 @@ class Planners(DirectPlanners):
     async def close(self):
         pass
 
-    async def plan(self, plan_input, call, *, rank=None):
+    async def plan(self, request, *, rank=None):
         await asyncio.sleep(self._random.choice(PLANNING))
-        return await super().plan(plan_input, call, rank=rank)
+        return await super().plan(request, rank=rank)
 
 
 def written(_recorder, recorded):
