@@ -30,7 +30,7 @@ typedef struct {
     double *near, *far, *rise;        /* value and slope at a node from two coefficients */
     double *value, *slope;            /* of a profile at the nodes */
     double *y[SPOTS], *d[SPOTS], *b;  /* value, slope and bend in the elements */
-    /* Each limit has two rows after its numbers: its slack at the last step, and its multiplier. */
+    /* Each limit has two rows after its numbers: one over its slack, and its multiplier. */
     double *top[SPOTS][3];            /* one over the largest y */
     double *bends[SPOTS][BENDS][5];   /* products of the columns of a limited rate */
     double *twists[SPOTS][TWISTS][8];
@@ -257,7 +257,7 @@ static void differentiate(const search_t *s, int spot, double weight, double str
     double square = stretch * stretch, share = simpson[spot];
     const double *restrict y = s->y[spot], *restrict d = s->d[spot], *restrict b = s->b;
     const double *restrict top = s->top[spot][0], *restrict h = s->h;
-    double *restrict slack = s->top[spot][1], *restrict last = s->top[spot][2];
+    double *restrict before = s->top[spot][1], *restrict last = s->top[spot][2];
     double *restrict g0 = s->g[0], *restrict g1 = s->g[1], *restrict g2 = s->g[2];
     double *restrict m0 = s->m[0], *restrict m1 = s->m[1], *restrict m2 = s->m[2];
     double *restrict m3 = s->m[3], *restrict m4 = s->m[4], *restrict m5 = s->m[5];
@@ -266,8 +266,8 @@ static void differentiate(const search_t *s, int spot, double weight, double str
     for (index_t e = 0; e < n; e++) {
         double root = 1.0 / sqrt(y[e]), inverse = root * root, w = share * h[e];
         double now = stretch - y[e] * top[e], over = 1.0 / now, room = top[e] * over;
-        double times = multiplier(now, over, slack[e], last[e], stride);
-        slack[e] = over, last[e] = times;
+        double times = multiplier(now, over, before[e], last[e], stride);
+        before[e] = over, last[e] = times;
         g0[e] = weight * room - 0.5 * w * root * inverse;
         m0[e] = times * top[e] * room + 0.75 * w * root * inverse * inverse;
         g1[e] = g2[e] = m1[e] = m2[e] = m3[e] = m4[e] = m5[e] = 0.0;
@@ -275,15 +275,15 @@ static void differentiate(const search_t *s, int spot, double weight, double str
     for (int k = 0; k < s->bend_count; k++) {
         const double *restrict aa = s->bends[spot][k][0], *restrict ab = s->bends[spot][k][1];
         const double *restrict bb = s->bends[spot][k][2];
-        double *restrict slack = s->bends[spot][k][3], *restrict last = s->bends[spot][k][4];
+        double *restrict before = s->bends[spot][k][3], *restrict last = s->bends[spot][k][4];
         INDEPENDENT
         for (index_t e = 0; e < n; e++) {
             double one = aa[e] * y[e] + ab[e] * d[e], two = ab[e] * y[e] + bb[e] * d[e];
             double now = square - y[e] * one - d[e] * two, over = 1.0 / now;
             double f = 2.0 * weight * over;
             g0[e] += f * one, g1[e] += f * two;
-            double times = multiplier(now, over, slack[e], last[e], stride);
-            slack[e] = over, last[e] = times;
+            double times = multiplier(now, over, before[e], last[e], stride);
+            before[e] = over, last[e] = times;
             f = 2.0 * times;
             double ff = 2.0 * f * over;
             m0[e] += ff * one * one + f * aa[e];
@@ -295,7 +295,7 @@ static void differentiate(const search_t *s, int spot, double weight, double str
         double *const *of = s->twists[spot][k];
         const double *restrict aa = of[0], *restrict ab = of[1], *restrict ac = of[2];
         const double *restrict bb = of[3], *restrict bc = of[4], *restrict cc = of[5];
-        double *restrict slack = of[6], *restrict last = of[7];
+        double *restrict before = of[6], *restrict last = of[7];
         INDEPENDENT
         for (index_t e = 0; e < n; e++) {
             /* Of L(y)^2 - |v|^2, with the tangent of L in the Hessian. */
@@ -307,8 +307,8 @@ static void differentiate(const search_t *s, int spot, double weight, double str
             double f = weight * over;
             double u = -2.0 * one - limit * inverse, v = -2.0 * two, w = -2.0 * three;
             g0[e] -= f * u, g1[e] -= f * v, g2[e] -= f * w;
-            f = multiplier(now, over, slack[e], last[e], stride);
-            slack[e] = over, last[e] = f;
+            f = multiplier(now, over, before[e], last[e], stride);
+            before[e] = over, last[e] = f;
             double ff = f * over;
             m0[e] += ff * u * u + 2.0 * f * aa[e] - 0.5 * f * limit * inverse * inverse;
             m1[e] += ff * u * v + 2.0 * f * ab[e];

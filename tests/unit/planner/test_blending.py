@@ -123,8 +123,8 @@ def test_a_blend_leaves_no_earlier_than_it_may():
     assert late >= early + 20
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_the_time_of_the_first_keyframe_is_that_of_the_corner(seed):
+def beyond_the_corner(seed):
+    """Return a motion, the record where a blend leaves it, the next motion and its keyframes."""
     random = np.random.default_rng(seed)
     first = first_motion(random)
     keys = [first.path.last]
@@ -132,19 +132,19 @@ def test_the_time_of_the_first_keyframe_is_that_of_the_corner(seed):
         keys.append(multiply(keys[-1], exp(vector(random, 0.5))))
     record, second = blended(first, MotionRequest([keyframe(q) for q in keys]), 0.05)
     assert record < first.record_count - 1
+    return first, record, second, keys
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_time_of_the_first_keyframe_is_that_of_the_corner(seed):
+    *_, second, keys = beyond_the_corner(seed)
     passed, gap = second.corner
     assert second.keyframe_times[0] == pytest.approx(passed)
     assert angle(second.sample(np.array([passed])).q[0], keys[0]) == pytest.approx(gap, abs=1e-3)
 
 
 def test_keyframes_beyond_the_corner_are_met():
-    random = np.random.default_rng(7)
-    first = first_motion(random)
-    keys = [first.path.last]
-    for _ in range(4):
-        keys.append(multiply(keys[-1], exp(vector(random, 0.5))))
-    record, second = blended(first, MotionRequest([keyframe(q) for q in keys]), 0.05)
-    assert record < first.record_count - 1
+    first, record, second, keys = beyond_the_corner(7)
     met = second.sample(second.keyframe_times).q
     assert angle(met, np.array(keys))[1:].max() < 1e-9
     assert angle(met, np.array(keys))[0] <= 0.05
