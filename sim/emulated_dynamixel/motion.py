@@ -95,9 +95,13 @@ class Shaft:
         self.reference = self.position
         self.reference_speed = 0.0
 
+    def is_due(self, now_ns: int) -> bool:
+        """Return whether a step ends by *now_ns*."""
+        return self._time_ns + STEP_NS <= now_ns
+
     def advance(self, now_ns: int, aim: Aim | None) -> None:
         """Advance to *now_ns*, in whole steps; without *aim* the motor is off."""
-        while self._time_ns + STEP_NS <= now_ns:
+        while self.is_due(now_ns):
             if self._is_settled(aim):
                 self._time_ns += (now_ns - self._time_ns) // STEP_NS * STEP_NS
                 return

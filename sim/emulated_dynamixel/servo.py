@@ -76,15 +76,17 @@ class EmulatedServo:
         self.keeps_goal = False
         self.supply, self.temperature = model.voltage, 32
         self._memory = bytearray(model.end)
+        self._data_of = {
+            addresses + 2 * k: block + k
+            for addresses, block, count in model.indirect
+            for k in range(count)
+        }
+        self._source = list(range(model.end))
         self._owner: dict[int, Register] = {}
         for register in model.registers.values():
             for offset in range(register.size):
                 self._owner[register.address + offset] = register
             self._store(register, register.default)
-        self._data_source: dict[int, int] = {}
-        for addresses, block, count in model.indirect:
-            for k in range(count):
-                self._data_source[block + k] = addresses + 2 * k
         self._memory[7] = servo_id
         self._memory[8] = baud_index
         self.registered: tuple[int, bytes] | None = None
@@ -132,9 +134,9 @@ class EmulatedServo:
 
     def value(self, name: str) -> int:
         """Return a register's content by *name*, for tests and displays."""
-        register = self.model.named[name]
-        raw = self._memory[register.address : register.address + register.size]
-        return int.from_bytes(raw, "little", signed=register.is_signed)
+        stored, address = self.model.places[name]
+        value: int = stored.unpack_from(self._memory, address)[0]
+        return value
 
     def carry_out(self, instruction: int, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
         """Execute one instruction; return an error number and the content of the answer."""
@@ -167,10 +169,10 @@ class EmulatedServo:
             return ErrorNumber.ACCESS, b""
         self.advance(now_ns)
         self.refresh(now_ns)
-        targets = [self._target(at) for at in range(address, address + count)]
-        if self.lie is not None and _POSITION_REGISTER in targets:
+        sources = self._source[address : address + count]
+        if self.lie is not None and _POSITION_REGISTER in sources:
             self._tell_lie(self.lie)
-        return ErrorNumber.NONE, bytes(self._memory[at] for at in targets)
+        return ErrorNumber.NONE, bytes(map(self._memory.__getitem__, sources))
 
     def _tell_lie(self, lie: Lie) -> None:
         position = self.value("present position")
@@ -287,24 +289,20 @@ class EmulatedServo:
                 self._stopped_at = self.shaft.position
                 self._set(104, 0)
                 self.shaft.settle()
+        if not self.shaft.is_due(now_ns):
+            return
         self.shaft.advance(now_ns, self._aim())
         if self.shaft.strain_s >= OVERLOAD_S and not self._memory[70] & OVERLOAD:
             self._fail(OVERLOAD)
 
-    def _target(self, address: int) -> int:
-        source = self._data_source.get(address)
-        if source is None:
-            return address
-        return int.from_bytes(self._memory[source : source + 2], "little")
-
     def _collect(self, address: int, content: bytes) -> tuple[int, list[tuple[Register, int]]]:
-        targets = [self._target(address + k) for k in range(len(content))]
+        targets = self._source[address : address + len(content)]
         changes: list[tuple[Register, int]] = []
         at = 0
         while at < len(content):
             target = targets[at]
             register = self._owner.get(target)
-            if register is None and target in self._data_source:
+            if register is None and target in self._data_of.values():
                 at += 1  # unmapped indirect data: nothing is stored
                 continue
             if register is None or not register.writable:
@@ -453,3 +451,5 @@ class EmulatedServo:
     def _store(self, register: Register, value: int) -> None:
         raw = (value & ((1 << 8 * register.size) - 1)).to_bytes(register.size, "little")
         self._memory[register.address : register.address + register.size] = raw
+        if (data := self._data_of.get(register.address)) is not None:
+            self._source[data] = value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +20,14 @@ ACCELERATION_UNIT = 214.577 * 2 * math.pi / 3600
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 MODES = (0, 1, 3, 4, 5, 16)
+
+
+_STORED = {
+    (size, is_signed): struct.Struct("<" + (letter.lower() if is_signed else letter))
+    for size, letter in ((1, "B"), (2, "H"), (4, "I"))
+    for is_signed in (False, True)
+}
+"""How a register is stored, by its size in bytes and whether it is signed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +87,14 @@ class ServoModel:
     def named(self) -> Mapping[str, Register]:
         """The registers by name."""
         return {register.name: register for register in self.registers.values()}
+
+    @cached_property
+    def places(self) -> Mapping[str, tuple[struct.Struct, int]]:
+        """How each register is stored, and its address, by name."""
+        return {
+            register.name: (_STORED[register.size, register.is_signed], register.address)
+            for register in self.registers.values()
+        }
 
 
 _INDIRECT = (((168, 224, 28), (578, 634, 28)), ((168, 208, 20),))

@@ -38,17 +38,21 @@ def least_loss(times, azimuth, elevation, *, turns, inner, velocity, acceleratio
     x, y, z = (np.interp(grid, times, part) for part in (north, east, up))
     size = np.sqrt(x * x + y * y + z * z)
     line, sine, height = np.arctan2(y, x), np.hypot(x, y) / size, np.arcsin(z / size)
+    sines, cosines = np.sin(angles), np.cos(angles)
     cost = np.zeros((2 * levels + 1, len(angles)), dtype=np.float32)
     limit = math.sin(tolerance)
     for at in range(len(grid)):
         if at:
             cost = _moved(cost, levels)
-        turn = angles - line[at]
-        is_open = [inner[0] <= side <= inner[1] for side in (height[at], math.pi - height[at])]
-        error = sine[at] * np.abs(np.sin(turn))
-        is_near = np.cos(turn) > 0.0
-        error = np.where(np.where(is_near, *is_open), error, sine[at])
-        cost += np.float32(step) * (error > limit)
+        if sine[at] <= limit:
+            continue  # too close to the outer axis to be missed
+        turned = sines * math.cos(line[at]) - cosines * math.sin(line[at])
+        is_near = cosines * math.cos(line[at]) + sines * math.sin(line[at]) > 0.0
+        is_missed = sine[at] * np.abs(turned) > limit
+        for side, is_here in ((height[at], is_near), (math.pi - height[at], ~is_near)):
+            if not inner[0] <= side <= inner[1]:
+                is_missed |= is_here
+        cost += np.float32(step) * is_missed
     return float(np.min(cost))
 
 

@@ -12,7 +12,8 @@ from harness import children, until
 pytest.importorskip("joblib")
 pytest.importorskip("pyarrow")
 
-REQUESTS = 1500
+REQUESTS = 700
+"""Three parts and a half."""
 
 
 def command_line(pid):
