@@ -323,6 +323,15 @@ def test_a_curve_of_an_odd_shape_is_planned_nevertheless():
     assert motion.duration <= usual.duration
 
 
+def test_a_curve_that_nearly_rests_at_keyframes_close_together_is_planned():
+    keys = [HERE]
+    for turn in ([2.1, -2.1, 0.9], [8e-6, 0.0, 0.0], [3e-6, 0.0, 2e-6]):
+        keys.append(tuple(multiply(keys[-1], exp(turn)).tolist()))
+    limits = DEFAULT_LIMITS.with_rates({"velocity": 1.2, "acceleration": 60.0, "jerk": 1e7})
+    motion = made([Keyframe(q) for q in keys], limits, method="minimum_effort")
+    assert motion.duration < 4.0
+
+
 def test_times_and_a_minimum_duration_are_refused_together():
     with pytest.raises(RequestError, match="the planner then chooses the times") as caught:
         MotionRequest([Keyframe(HERE, 0.0), Keyframe(about_z(1.0), 1.0)], duration="minimum")
