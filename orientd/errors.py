@@ -37,6 +37,8 @@ from contextlib import contextmanager
 from enum import Enum, IntEnum
 from typing import Any, ClassVar
 
+from orientd.one_line import one_line
+
 
 class Fault(IntEnum):
     """Why a device is in the state ``fault``; crosses the process boundary as a number."""
@@ -94,8 +96,8 @@ class RequestError(OrientdError, ValueError):
     """
 
     def __init__(self, field: str, problem: str) -> None:
-        # Keys and values from users may be of any length.
-        field = field if len(field) <= 200 else f"{field[:197]}..."
+        # Keys and values from users may be of any length and any characters.
+        field = one_line(field, 200)
         problem = problem if len(problem) <= 700 else f"{problem[:697]}..."
         super().__init__(f"{field}: {problem}" if field else problem)
         self.field = field

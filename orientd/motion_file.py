@@ -23,6 +23,7 @@ from orientd.model.reading import read_request as parse
 from orientd.model.reading import written
 from orientd.model.request import MotionRequest
 from orientd.model.schema import motion_schema
+from orientd.one_line import one_line
 from orientd.structured_text import parse_structured
 
 _RECORDINGS = (".bag", ".csv", ".db3", ".mcap", ".tum")
@@ -72,6 +73,7 @@ def loads(
     Raises:
         RequestError: it is neither YAML nor JSON, or has no well-formed motion.
     """
+    name = one_line(name)
     try:
         mapping = parse_structured(text, name or "the motion")
         with naming(name) if name else nullcontext():
@@ -91,7 +93,7 @@ def _with_keyframes(mapping: object, rows: Sequence[object], most: int | None) -
     if not isinstance(mapping, dict):
         return mapping
     if rows:
-        if mapping.get("keyframes"):
+        if mapping.get("keyframes") not in (None, []):
             raise RequestError("columns", "expected without keyframes only")
         mapping["keyframes"] = rows
     keyframes = mapping.get("keyframes")

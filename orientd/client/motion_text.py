@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _MANY = 1000
 """Keyframes from which on they are sent as columns, if they have such a form."""
 
+_ANY = [{"rotation_vector": [0.0, 0.0, 0.0]}]
+
 
 class MotionText(NamedTuple):
     """A motion as the daemon gets it; the planner reads it.
@@ -79,11 +81,17 @@ def motion_text(keyframes: Keyframes | MotionText, **fields: Unpack[RequestField
     Args:
         keyframes: at least one, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a mapping
             as in a motion file; or the path of a motion file; or a whole :class:`.MotionRequest`.
-        fields: see :class:`RequestFields`; the other forms of *keyframes* have their own.
+        fields: see :class:`RequestFields`; a motion file and a whole request have their own.
 
     Raises:
         RequestError: it has no text; the message names the field.  The planner checks the values.
+        TypeError: a field is given together with a motion file or a whole request.
     """
+    given: dict[str, Any] = {key: value for key, value in fields.items() if value is not None}
+    is_whole = isinstance(keyframes, MotionText | Path) or hasattr(keyframes, "keyframes")
+    if is_whole and given:
+        kind = "a motion file" if isinstance(keyframes, Path) else "a whole request"
+        raise TypeError(f"{kind} has its own {next(iter(given))}, got another")
     if isinstance(keyframes, MotionText):
         return keyframes
     if isinstance(keyframes, Path):
@@ -99,7 +107,6 @@ def motion_text(keyframes: Keyframes | MotionText, **fields: Unpack[RequestField
         from orientd.model.reading import written
 
         return _sent(written(keyframes))  # type: ignore[arg-type] # a MotionRequest
-    given: dict[str, Any] = {key: value for key, value in fields.items() if value is not None}
     columns = {key: given.pop(key, None) for key in ("times", "positions")}
     plain = {key: to_plain(value) for key, value in given.items()}
     packed = _packed_rotations(keyframes, **columns)
@@ -139,12 +146,25 @@ def _text(mapping: dict[str, Any]) -> bytes:
         RequestError: a value is no plain one.
     """
     try:
-        return json.dumps(mapping).encode()
-    except (TypeError, ValueError):
+        return json.dumps(mapping, default=_plain_number).encode()
+    except (OverflowError, TypeError, ValueError):
         from orientd.model.reading import read_request
 
-        read_request(mapping)  # names the field
+        # Names the field, which is none of the keyframes that are sent as columns.
+        read_request({**mapping, "keyframes": mapping["keyframes"] or _ANY})
         raise RequestError("", "expected plain values only") from None
+
+
+def _plain_number(value: Any) -> float:  # noqa: ANN401 - any value of a request
+    """Return a number of another type, such as ``Decimal``.
+
+    Raises:
+        TypeError: it is no number.
+    """
+    # float() would also read texts.
+    if not hasattr(value, "__float__"):
+        raise TypeError(f"expected a number, got {value!r}")
+    return float(value)
 
 
 def _packed_rotations(
@@ -166,6 +186,8 @@ def _packed_rotations(
     for name, given, shape in (("times", times, ()), ("positions", positions, (3,))):
         if given is None:
             continue
+        if np.ma.isMaskedArray(given):
+            return None  # whose masked entries would count
         column = np.asarray(given)
         if column.dtype.kind not in "fiu" or column.shape != (len(keyframes), *shape):
             return None

@@ -75,7 +75,9 @@ def keyframe_columns(keyframes: Sequence[Mapping[str, Any]]) -> bytes | None:
     try:
         for column, key, width, default in _COLUMNS:
             if key in given:
-                values = [default if (one := k.get(key)) is None else one for k in keyframes]
+                values = [k.get(key, default) for k in keyframes]
+                if key == "position":
+                    values = [default if value is None else value for value in values]
                 getattr(columns, column).extend(_entries(column, values, width, default))
     except (AttributeError, OverflowError, TypeError, ValueError):
         return None

@@ -10,6 +10,7 @@ from google.rpc import code_pb2, error_details_pb2, status_pb2
 
 from orientd import errors
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
+from orientd.one_line import one_line
 from orientd.protocol import control_pb2 as pb
 
 DETAILS_KEY = "grpc-status-details-bin"
@@ -44,11 +45,12 @@ The first entry that fits counts.
 def to_status(error: OrientdError) -> status_pb2.Status:
     """Return *error* as a status; the first line of its message is the status' message."""
     code, kind = next((code, kind) for of, code, kind in _KINDS if isinstance(error, of))
-    message = (str(error).splitlines() or [type(error).__name__])[0][:MAX_MESSAGE_LENGTH]
+    first = (str(error).splitlines() or [type(error).__name__])[0]
+    message = one_line(first, MAX_MESSAGE_LENGTH)
     details: list[Message] = []
     if isinstance(error, RequestError):
         request = error_details_pb2.BadRequest()
-        problem = error.problem[:MAX_MESSAGE_LENGTH]
+        problem = one_line(error.problem, MAX_MESSAGE_LENGTH)
         request.field_violations.add(field=error.field, description=problem)
         details = [request]
     elif kind:
@@ -84,7 +86,10 @@ def _exception(status: status_pb2.Status) -> OrientdError:
         first = request.field_violations[0]
         kinds = (of for of, code, _ in _KINDS if code == status.code)
         found = next((of for of in kinds if issubclass(of, RequestError)), RequestError)
-        return found(first.field, first.description)
+        refused = found(first.field, first.description)
+        # The daemon's own line: it may begin with the name of a file, which has no field.
+        refused.args = (status.message,)
+        return refused
     if _find(status, failure) and failure.violations:
         kind = failure.violations[0].type
         if kind == "LIMIT":

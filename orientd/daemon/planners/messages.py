@@ -216,7 +216,8 @@ class RecordFile:
 
     def say(self, stage: str) -> None:
         """Write down what the planner is doing."""
-        text = stage.encode()[: _STAGE_BYTES - 1]
+        # A text of the request may have characters that have no bytes.
+        text = stage.encode(errors="backslashreplace")[: _STAGE_BYTES - 1]
         os.pwrite(self.descriptor, text.ljust(_STAGE_BYTES, b"\0"), 0)
 
     def read(self, first: int, count: int) -> bytes:

@@ -51,6 +51,7 @@ enum {
 
 #define REDUCTION 0.1     /* of the barrier's weight from one round to the next */
 #define DECREMENT 10.0    /* of a round's weight, squared */
+#define CLOSER 0.3        /* the same where a round has not moved the profile at all */
 #define INSIDE 0.995      /* share of the limits up to which they need not be moved out */
 #define STRETCH 1.05      /* how far beyond the largest share they are moved */
 #define SLOWER 0.98       /* share of the limits that a guess is slowed down to */
@@ -423,8 +424,11 @@ static double newton(search_t *s, double weight, double stretch, double length) 
     return decrement;
 }
 
-/* Move towards the best profile for a weight by at most *most* steps, and return how many it took. */
-static int centre(search_t *s, double *c, double weight, double stretch, int most) {
+/* Move towards the best profile for a weight, and return how many steps that took.
+ *
+ * near: squared decrement, as a share of the weight, from which on the profile is near enough.
+ * most: the most steps. */
+static int centre(search_t *s, double *c, double weight, double stretch, double near, int most) {
     index_t count = s->n + 2;
     spread(s, c);
     double cost = cost_of(s, weight, stretch);
@@ -434,7 +438,7 @@ static int centre(search_t *s, double *c, double weight, double stretch, int mos
         double decrement = newton(s, weight, stretch, length);
         length = 1.0;
         steps++;
-        if (!(decrement > DECREMENT * weight))
+        if (!(decrement > near * weight))
             break;
         for (int k = 0; k < HALVINGS; k++, length *= 0.5) {
             for (index_t i = 0; i < count; i++)
@@ -476,17 +480,21 @@ static int improve(search_t *s, double begin, double gap, double *c) {
     } else if (stretch > 1.0)
         begin = fmax(begin, FAR);
     double degree = (double)(SPOTS * s->n) * (1 + 2 * (s->bend_count + s->twist_count));
-    double weight = begin * duration(s) / degree;
+    double weight = begin * duration(s) / degree, near = DECREMENT;
     for (int steps = 0; steps <= MOST_STEPS;) {
         s->weight = weight;
         /* The jerk of axes is far from convex: its first centre takes longer to reach. */
         bool is_first = steps == 0 && begin >= 1.0 && s->path->axis_limits.m;
-        steps += centre(s, c, weight, stretch, is_first ? FIRST_STEPS : ROUND_STEPS);
+        int taken = centre(s, c, weight, stretch, near, is_first ? FIRST_STEPS : ROUND_STEPS);
+        steps += taken;
         if (stretch > 1.0) {
             /* Limits that were moved out for the guess are moved in again as it improves; what is
              * given at an end may be close to them. */
             double share = largest_share(s), nearest = share < 1.0 ? 1.0 : NEAR * share;
-            stretch = fmax(fmin(stretch_of(s), fmax(1.0, 0.99 * stretch)), nearest);
+            double next = fmax(fmin(stretch_of(s), fmax(1.0, 0.99 * stretch)), nearest);
+            /* The next round would be the same again. */
+            near = taken == 1 && next == stretch ? CLOSER : DECREMENT;
+            stretch = next;
         } else if (weight * degree <= NEARLY * gap * duration(s))
             break;
         else

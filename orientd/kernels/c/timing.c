@@ -302,6 +302,29 @@ static bool cut(const mesh_t *mesh, const index_t *pieces, mesh_t *finer) {
     return true;
 }
 
+/* Whether a profile goes down to zero in an element, between the places that were checked. */
+static bool dips(const mesh_t *mesh, index_t e) {
+    const double *x = row(mesh, PLACES), *y = row(mesh, VALUES);
+    double inner = y[e] + 0.5 * (x[e + 1] - x[e]) * row(mesh, SLOPES)[e];
+    return inner <= 0.0 && inner * inner >= y[e] * y[e + 1];
+}
+
+static bool has_dips(const mesh_t *mesh) {
+    for (index_t e = 0; e < mesh->n; e++)
+        if (dips(mesh, e))
+            return true;
+    return false;
+}
+
+/* Lift a profile out of its dips, without regard to the limits. */
+static void lift_dips(const mesh_t *mesh) {
+    /* The tangents at the ends of an element meet at its coefficient. */
+    for (index_t e = 0; e < mesh->n; e++)
+        if (dips(mesh, e))
+            row(mesh, COEFFICIENTS)[e + 1] = 0.0;
+    put_nodes(mesh);
+}
+
 /* Count into how many pieces to cut each element; return whether any element is cut.
  *
  * is_fine: only those that exceed a limit, and their neighbours. */
@@ -325,6 +348,8 @@ static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_
             double most = is_fine ? over[order] : MISSED;
             wanted[e] = fmax(wanted[e], row(mesh, SHARES + order)[e] / most);
         }
+        if (dips(mesh, e))
+            wanted[e] = fmax(wanted[e], MOST_CUTS);
     }
     /* Near rest the jerk changes between the places that were checked. */
     for (int side = 0; side < 2; side++)
@@ -395,19 +420,6 @@ static int solve(const part_t *part, mesh_t *mesh, bool is_known, double begin, 
     return found;
 }
 
-static bool dips(const mesh_t *mesh, index_t e) {
-    const double *x = row(mesh, PLACES), *y = row(mesh, VALUES);
-    double inner = y[e] + 0.5 * (x[e + 1] - x[e]) * row(mesh, SLOPES)[e];
-    return inner <= 0.0 && inner * inner >= y[e] * y[e + 1];
-}
-
-static bool has_dips(const mesh_t *mesh) {
-    for (index_t e = 0; e < mesh->n; e++)
-        if (dips(mesh, e))
-            return true;
-    return false;
-}
-
 /* Narrow a mesh where its profile changes quickly; return whether it is another one.
  *
  * is_fine: only where the profile exceeds a limit. */
@@ -422,6 +434,7 @@ static int refine(const part_t *part, mesh_t *mesh, mesh_t *finer, bool is_fine)
     else {
         is_finer = n < MOST_ELEMENTS && put_cuts(part, mesh, &path, is_fine, wanted, pieces);
         aim_lower(mesh);
+        lift_dips(mesh);
         if (!is_finer)
             for (index_t e = 0; e < n; e++)
                 pieces[e] = 1;
@@ -486,7 +499,7 @@ static int search(part_t *part, mesh_t *mesh) {
     for (int round = 0; found == PROFILE_FOUND; round++) {
         double gap = gaps[round < GAPS ? round : GAPS - 1], next = gaps[round + 1 < GAPS ? round + 1 : GAPS - 1];
         mesh_t finer = {{NULL, 0, 0}, 0};
-        bool is_over = exceeds(mesh);
+        bool is_over = exceeds(mesh) || has_dips(mesh);
         count += mesh->n;
         if (round + 1 == MOST_ROUNDS || (round + 1 >= FEWEST_ROUNDS && count >= budget && !is_over))
             break;
@@ -519,6 +532,8 @@ static int time_part(part_t *part, mesh_t *mesh) {
     int found = search(part, mesh);
     if (found != PROFILE_FOUND)
         return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : NO_WAY;
+    /* Dips that are left are in elements too narrow to be cut; the records hardly show them. */
+    lift_dips(mesh);
     return has_dips(mesh) ? STANDS_STILL : TIMED;
 }
 

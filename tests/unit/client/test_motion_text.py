@@ -1,5 +1,8 @@
 """Motions as people write them in Python, as the client sends them and the planner reads them."""
 
+from decimal import Decimal
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from motions import read
@@ -153,6 +156,14 @@ def test_a_large_rotation_is_sent_as_columns_of_the_same_numbers():
             r"keyframes\[0\].position\[0\]: expected a",
         ),
         ({"positions": np.zeros((MANY, 2))}, r"keyframes\[0\].position: expected 3 entries"),
+        (
+            {"times": np.ma.array(np.arange(MANY), mask=np.arange(MANY) == 2)},
+            r"keyframes\[2\].time: missing",
+        ),
+        (
+            {"positions": np.ma.array(np.zeros((MANY, 3)), mask=np.arange(3 * MANY) == 7)},
+            r"keyframes\[2\].position\[1\]: expected a number, got nothing",
+        ),
     ],
 )
 def test_a_column_of_many_that_is_wrong_is_named(fields, complaint):
@@ -172,6 +183,9 @@ def test_a_column_of_many_that_is_wrong_is_named(fields, complaint):
         ({"quaternion": {"w": 1, "x": 0, "y": 0}}, "quaternion.z: missing"),
         ({"rotation_vector": [0, 0, 0], "turns": 1.5}, "turns: expected a whole number, got 1.5"),
         ({"rotation_vector": [0, 0, 0], "tme": 1}, "tme: unknown key"),
+        ({"rotation_vector": [0, 0, 0], "name": None}, "name: expected a text, got nothing"),
+        ({"rotation_vector": [0, 0, 0], "turns": None}, "turns: expected a whole number, got"),
+        ({"rotation_vector": [0, 0, 0], "free_roll": None}, "free_roll: expected true or false"),
     ],
 )
 def test_the_last_of_many_keyframes_is_named(last, complaint):
@@ -188,6 +202,25 @@ def test_a_file_is_sent_as_it_is(tmp_path):
         read(path)
 
 
-def test_what_has_no_text_is_refused_by_its_name():
+def test_a_file_and_a_whole_request_take_no_fields(tmp_path):
+    request = parse({"keyframes": [{"rotation_vector": [0, 0, 0]}]})
+    for whole in (tmp_path / "motion.yaml", request, MotionText(b"keyframes: 5")):
+        with pytest.raises(TypeError, match="has its own limits, got another"):
+            motion_text(whole, limits={"velocity": 0.1})
+
+
+@pytest.mark.parametrize("count", [2, MANY])
+@pytest.mark.parametrize("kind", [Decimal, Fraction, np.longdouble])
+def test_numbers_of_every_kind_are_numbers(kind, count):
+    many = Rotation.from_rotvec(VECTORS[:count])
+    times = [kind(k) / kind(4) for k in range(count)]
+    request = read(many, times=times, end_velocity=[0, 0, kind(1) / kind(2)])
+    np.testing.assert_array_equal(request.times, 0.25 * np.arange(count))
+    assert request.end_velocity == (0.0, 0.0, 0.5)
+
+
+@pytest.mark.parametrize("count", [1, MANY])
+def test_what_has_no_text_is_refused_by_its_name(count):
+    many = Rotation.from_rotvec(VECTORS[:count])
     with pytest.raises(RequestError, match=r"^approach: expected true or false"):
-        motion_text([Quaternion(w=1, x=0, y=0, z=0)], approach=object())
+        motion_text(many, approach=object())

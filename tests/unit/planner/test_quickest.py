@@ -323,6 +323,42 @@ def test_a_curve_of_an_odd_shape_is_planned_nevertheless():
     assert motion.duration <= usual.duration
 
 
+@pytest.mark.parametrize(
+    ("turn", "first", "last", "acceleration", "jerk", "took"),
+    [
+        ([-0.002, -0.001, 0.001], [0.3, 0.46, -0.82], [-0.25, 0.89, 0.31], 76.0, 260.0, 0.3363),
+        ([-0.114, 0.025, -0.001], [-0.75, 0.63, 0.05], [-0.64, -0.62, -0.34], 53.0, 540.0, 0.1579),
+        ([-0.041, -0.024, -0.023], [-0.83, 0.51, 0.07], [0.26, -0.94, 0.08], 79.0, 1920.0, 0.0909),
+    ],
+)
+def test_a_curve_between_ends_near_their_limit_has_a_quickest_timing(
+    turn, first, last, acceleration, jerk, took
+):
+    rates = {"velocity": 1.0, "acceleration": acceleration, "jerk": jerk}
+    motion = plan(
+        MotionRequest(
+            [Keyframe(HERE), Keyframe(tuple(exp(turn).tolist()))],
+            method="kks_interpolating",
+            start_velocity=first,
+            end_velocity=last,
+            approach=True,
+        ),
+        start=State.at_rest(HERE),
+        limits=DEFAULT_LIMITS.with_rates(rates),
+        period=PERIOD,
+    )
+    assert alone(motion) == pytest.approx(took, rel=0.01)
+
+
+def test_a_curve_that_nearly_rests_at_keyframes_close_together_is_planned():
+    keys = [HERE]
+    for turn in ([2.1, -2.1, 0.9], [8e-6, 0.0, 0.0], [3e-6, 0.0, 2e-6]):
+        keys.append(tuple(multiply(keys[-1], exp(turn)).tolist()))
+    limits = DEFAULT_LIMITS.with_rates({"velocity": 1.2, "acceleration": 60.0, "jerk": 1e7})
+    motion = made([Keyframe(q) for q in keys], limits, method="minimum_effort")
+    assert motion.duration < 4.0
+
+
 def test_times_and_a_minimum_duration_are_refused_together():
     with pytest.raises(RequestError, match="the planner then chooses the times") as caught:
         MotionRequest([Keyframe(HERE, 0.0), Keyframe(about_z(1.0), 1.0)], duration="minimum")

@@ -53,6 +53,7 @@ def test_keyframes_survive_their_columns():
         [{**ONE, "position": [math.nan, 0, 0]}],
         [{**ONE, "turns": 1 << 40}],
         [{**ONE, "relative": 1}],
+        [{**ONE, "name": None}],
         [{"quaternion": {"w": 10**400, "x": 0, "y": 0, "z": 0}}],
         [{"quaternion": [1, 0, 0, 0]}],
         [{"position": [1, 2, 3]}],
@@ -82,8 +83,9 @@ def test_columns_that_are_wrong_are_refused_by_name(columns, error):
         loads({"quaternions": [1.0, 0.0, 0.0, 0.0, 0.8, 0.6, 0.0, 0.0], **columns})
 
 
-def test_columns_and_keyframes_together_are_refused():
-    text = b"keyframes: [{rotation_vector: [0, 0, 1]}]"
+@pytest.mark.parametrize("keyframes", ["[{rotation_vector: [0, 0, 1]}]", "0", "{}", "''"])
+def test_columns_and_keyframes_together_are_refused(keyframes):
+    text = f"keyframes: {keyframes}".encode()
     with pytest.raises(RequestError, match="columns: expected without keyframes only"):
         loads({"quaternions": [1.0, 0.0, 0.0, 0.0]}, text)
 

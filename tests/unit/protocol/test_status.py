@@ -1,5 +1,7 @@
 """Errors cross the wire as what they were."""
 
+import contextlib
+
 import pytest
 from google.rpc import code_pb2, error_details_pb2
 
@@ -14,6 +16,7 @@ from orientd.errors import (
     StartError,
     StateError,
     UnknownNameError,
+    naming,
 )
 from orientd.protocol.status import from_status, to_status
 
@@ -92,6 +95,21 @@ def test_a_failed_precondition_says_which(error, kind, subject):
     assert precondition.violations[0].type == kind
     assert precondition.violations[0].subject == subject
     assert (cause.reason, cause.domain) == (kind, "orientd")
+
+
+def test_a_refusal_keeps_the_name_of_its_file():
+    error = RequestError("pace", "expected 'even'")
+    with contextlib.suppress(RequestError), naming("wave.yaml"):
+        raise error
+    assert str(from_status(to_status(error))) == "wave.yaml: pace: expected 'even'"
+
+
+@pytest.mark.parametrize("key", ["a\nb", "a\x1b[31mb", "a\0b", "\ud800", "\u202e"])
+def test_a_field_of_any_characters_is_printable_on_one_line(key):
+    arrived = from_status(to_status(RequestError(f"options.{key}", "unknown option")))
+    assert str(arrived).isprintable()
+    assert str(arrived).startswith("options.")
+    assert str(arrived).endswith(": unknown option")
 
 
 def test_a_message_stays_one_line_that_fits_a_header():

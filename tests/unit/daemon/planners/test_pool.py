@@ -87,6 +87,9 @@ def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
         assert refused.value.field == "keyframes"
         with pytest.raises(RequestError, match=r"^a motion must be a mapping"):
             await planners.plan(job(b"nonsense"))
+        half = b'{"keyframes": [{"rotation_vector": [0, 0, 1]}], "method": "\\ud800"}'
+        with pytest.raises(RequestError, match=r"^method: unknown method"):
+            await planners.plan(job(half))
 
     run(test)
 
