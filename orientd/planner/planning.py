@@ -424,10 +424,9 @@ def _along_curve(job: PlanJob, stops: list[_Attempt]) -> list[list[_Attempt]]:
         return [[even], [quick]] if request.approach and has_rests else [[quick]]
     if rests:
         return [[quick, even]]
-    if request.positions is not None:
-        return [[quick]]
-    # The curve through two keyframes is a turn, which has a closed form.
-    is_turn = len(request.keyframes) == 2 and float(angle(*request.keys)) > SAME
+    # The curve through two orientations is a turn, which has a closed form.
+    is_turn = request.positions is None and len(request.keyframes) == 2
+    is_turn = is_turn and float(angle(*request.keys)) > SAME
     return [stops, [quick]] if is_turn else [[quick, *stops]]
 
 

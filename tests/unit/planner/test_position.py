@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -157,3 +158,22 @@ def test_a_position_may_begin_in_motion_where_the_orientation_begins_at_rest():
         MotionRequest([keyframe], approach=True), start=moving, limits=DEFAULT_LIMITS, period=0.002
     )
     assert motion.records(0, 1)[0, 13:16] == pytest.approx(moving.velocity, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", [8, 165, 203, 220])
+def test_near_and_far_keyframes_take_no_longer_than_moves_with_a_rest_at_each(seed):
+    rng, keyframes = np.random.default_rng(seed), []
+    q, place = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    for _ in range(6):
+        keyframes.append(Keyframe(tuple(q.tolist()), position=tuple(place.tolist())))
+        q = rotation.multiply(q, rotation.exp(0.01 * rng.choice([0.01, 1.0]) * rng.normal(size=3)))
+        place = place + 0.5 * rng.choice([0.001, 1.0]) * rng.normal(size=3)
+    moves = [planned_through(list(pair)) for pair in pairwise(keyframes)]
+    assert planned_through(keyframes) <= 1.001 * sum(moves)
+
+
+def planned_through(keyframes):
+    first = keyframes[0]
+    start = State.at_rest(first.q, first.position)
+    request = MotionRequest(keyframes)
+    return plan(request, start=start, limits=DEFAULT_LIMITS, period=0.01).duration
