@@ -1,6 +1,7 @@
 """Cells of daemons over Zenoh: presence, states, one stop for all, one start together.
 
-For programs that read the table ``[fleet]``: ``settings``.  For those that join a cell: ``access``.
+For programs that use a cell: ``client`` and ``together``.  For those that read the table
+``[fleet]``: ``settings``.  For those that join a cell: ``access``.
 """
 
 from orientd.lazy import lazily

@@ -1,6 +1,8 @@
 """Read recordings of other programs as orientations over time, and replay them.
 
 MCAP files with poses, ROS 2 bags, tables and trajectories in text.
+
+For other programs: ``orientations``.
 """
 
 from orientd.lazy import lazily

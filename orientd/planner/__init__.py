@@ -6,9 +6,9 @@ motion has the properties that it guarantees.
 Names load on first use: limits need none of the planning modules, and a daemon that has not planned
 yet stays small.
 
-Other packages import from ``blending``, ``certify.certificate``, ``device_planner``,
-``facts``, ``methods``, ``motion``, ``offline``, ``path``, ``planning``, ``recorded``, ``resolve``,
-``state`` and ``task``.
+Other packages import from ``blending``, ``certify.certificate``, ``certifying``,
+``device_planner``, ``facts``, ``methods``, ``motion``, ``offline``, ``path``, ``planning``,
+``recorded``, ``resolve``, ``state`` and ``task``.
 """
 
 from orientd.lazy import lazily
