@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from orientd.curves import METHODS, CurveTask, compare, ranked
+from orientd.curves import METHODS, CurveTask
+from orientd.curves.comparison import compare, ranked
 from orientd.plots import draw_sheet
 
 FAMILIES = ("c2_cumulative", "squad", "kks_hermite_spline", "nu_spline", "piecewise_slerp")

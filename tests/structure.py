@@ -129,7 +129,7 @@ def open_modules(front: str) -> frozenset[str]:
 
 
 def past_fronts(graph: Graph) -> Iterator[str]:
-    """Yield imports of a room's modules from outside that do not go by its front."""
+    """Yield imports from outside of modules that a room's front does not list."""
     for module, imported in graph.items():
         for other in imported:
             outside = (
@@ -145,7 +145,7 @@ def past_fronts(graph: Graph) -> Iterator[str]:
                 and not is_free
                 and other not in open_modules(front)
             ):
-                yield f"{module} imports {other}: import from {front}"
+                yield f"{module} imports {other}, which the docstring of {front} does not list"
 
 
 def behind_fronts() -> Iterator[tuple[str, str]]:

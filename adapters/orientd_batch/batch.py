@@ -26,7 +26,8 @@ from orientd import motion_file
 from orientd.config import DeviceSettings
 from orientd.errors import OrientdError
 from orientd.files import check_regular, written
-from orientd.planner import Certificate, in_parallel
+from orientd.planner.certify.certificate import Certificate
+from orientd.planner.offline import in_parallel
 from orientd.structured_text import read_structured, write_structured
 
 PART = 200
@@ -70,7 +71,8 @@ def plan_file(
         folder: for ``plans.parquet``; created if it does not exist.
         device: rate, limits and driver.
         has_records: whether the records are written too.
-        cluster: ``backend``, ``jobs`` and ``address`` of :func:`~orientd.planner.in_parallel`.
+        cluster: ``backend``, ``jobs`` and ``address`` of
+            :func:`~orientd.planner.offline.in_parallel`.
 
     Yields:
         At first and after each part: the number of planned or refused requests, including earlier

@@ -46,7 +46,7 @@ def batch(
     command again.
     """
     need_extra("batch")
-    from orientd.planner import need_backend
+    from orientd.planner.offline import need_backend
     from orientd_batch.batch import plan_file
 
     if jobs == 0 or jobs < -1:

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from orientd.client import Robot
-from orientd.client import connect as connect_daemon
 from orientd.client.channel import certificate_files
 from orientd.client.daemon_clock import Offset, Trip, clock_offset
+from orientd.client.robot import Robot
+from orientd.client.robot import connect as connect_daemon
 from orientd.errors import DaemonError, OrientdError
 from orientd_fleet.access import (
     common_name,

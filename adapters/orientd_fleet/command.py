@@ -30,8 +30,9 @@ from orientd.one_line import shown
 from orientd.protocol.reports import STALE
 
 if TYPE_CHECKING:
-    from orientd_fleet import Fleet, Together
+    from orientd_fleet.client import Fleet
     from orientd_fleet.overview import Member, Overview
+    from orientd_fleet.together import Together
 
 fleet = Group(name="fleet", help="Monitor, stop and move several daemons as a cell.")
 
@@ -66,7 +67,7 @@ class Cell:
 
     def connect(self) -> Fleet:
         """Connect to the cell."""
-        from orientd_fleet import connect_fleet
+        from orientd_fleet.client import connect_fleet
 
         return connect_fleet(
             self.endpoints or None,
@@ -244,7 +245,7 @@ def move(
 
     Ctrl-C stops all of them on their paths.
     """
-    from orientd_fleet import move_together, read_plan
+    from orientd_fleet.together import move_together, read_plan
 
     motions, planned_in = read_plan(plan)
     if start_in is not None and not 0.0 < start_in <= 3600.0:
@@ -355,9 +356,10 @@ def demo(
     They run on this machine without hardware, and end after the motion.
     """
     from orientd.motion_file import parse
-    from orientd_fleet import FleetMotion, connect_fleet, move_together
+    from orientd_fleet.client import connect_fleet
     from orientd_fleet.demo import cell
     from orientd_fleet.overview import Overview
+    from orientd_fleet.together import FleetMotion, move_together
 
     with cell(daemons) as endpoint, connect_fleet(endpoint, cell="demo") as client:
         names = [f"arm-{number}" for number in range(1, daemons + 1)]

@@ -49,7 +49,7 @@ class FleetRecording(LiveRecording):
     """
 
     def __init__(self, fleet: Fleet, path: Path, daemons: Sequence[str] = ()) -> None:
-        """Prepare to record daemons of *fleet*; see :meth:`orientd_fleet.Fleet.record`."""
+        """Prepare to record daemons of *fleet*; see :meth:`orientd_fleet.client.Fleet.record`."""
         super().__init__(path)
         self._fleet, self._daemons = fleet, daemons
         self._pool = ThreadPoolExecutor(_MOST_DAEMONS, "orientd fleet record")

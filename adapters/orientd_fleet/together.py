@@ -32,9 +32,10 @@ from typing import TYPE_CHECKING, Annotated, NotRequired
 from pydantic import Field
 
 from orientd import motion_file
-from orientd.client import MoveHandle, Robot
 from orientd.client.connection import StartAt
 from orientd.client.daemon_clock import Offset
+from orientd.client.move_handle import MoveHandle
+from orientd.client.robot import Robot
 from orientd.config.table import Name
 from orientd.errors import DaemonError, LateError, OrientdError, RequestError, naming
 from orientd.model.fields import Number, StrictTable, Text

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from orientd.curves.fitting import Fit
     from orientd.model.request import MotionRequest
     from orientd.protocol import control_pb2 as pb
-    from orientd_replay import Orientations
+    from orientd_replay.orientations import Orientations
 
 
 Pace = Literal["recorded", "minimum"]
@@ -76,7 +76,7 @@ def replay(
     need_extra("record")
     from orientd.cli.following import conclude, follow
     from orientd.curves.fitting import fit_orientations
-    from orientd_replay import read_orientations
+    from orientd_replay.orientations import read_orientations
 
     if not 0.0 < error < 180.0:
         raise click.BadParameter(

@@ -9,7 +9,9 @@ from typing import Any
 
 from orientd import motion_file
 from orientd.errors import OrientdError
-from orientd.planner import DEFAULT_LIMITS, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.plots import draw
 
 FOLDER = "explanation/curves"

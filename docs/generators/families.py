@@ -9,7 +9,8 @@ from pathlib import Path
 
 from generators.gallery import draw_gallery
 from generators.gallery import task_for as family_task
-from orientd.curves import METHODS, CurveTask, Figures, make_curve, measure
+from orientd.curves import METHODS, CurveTask, make_curve
+from orientd.curves.comparison import Figures, measure
 
 FOLDER = "explanation/curves"
 

@@ -11,16 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orientd.curves import (
-    METHODS,
-    CurveTask,
-    Figures,
-    compare,
-    make_curve,
-    measure,
-    parameters,
-    ranked,
-)
+from orientd.curves import METHODS, CurveTask, make_curve, parameters
+from orientd.curves.comparison import Figures, compare, measure, ranked
 from orientd.errors import OrientdError
 from orientd.plots.motion import draw_traces
 from orientd.plots.paper import check_format

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orientd import config
-from orientd.planner import Motion
+from orientd.planner.motion import Motion
 from orientd.plots.paper import new_figure, save
 from orientd.rotation import Floats, rotate
 from orientd_rotctld import satellite_pass

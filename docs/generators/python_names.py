@@ -1,4 +1,4 @@
-"""The reference of Python names: one page for each of a package's public names."""
+"""The reference of Python names: one page for each public name, by where it is imported from."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 from sphinx.pycode import ModuleAnalyzer
 
 from generators.words import first, said
+from orientd import curves
 from orientd.errors import OrientdError
 
 FRONTS = {
@@ -22,6 +23,7 @@ FRONTS = {
     "orientd.protocol": "What turns the messages of the protocol into values and back.",
     "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
     "orientd.planner": "From a request to an immutable motion with its certificate.",
+    "orientd.model": "What a motion request is made of.",
     "orientd.plots": "Pictures of curves and motions; they need Matplotlib.",
     "orientd.driver": "What a device must do for the servo, and how it is found.",
     "orientd.mechanism": "Axes with limits that pose a tool: what a driver hands to the planner.",
@@ -30,22 +32,35 @@ FRONTS = {
 }
 CHOSEN = {
     "orientd.client": [
-        "Robot",
-        "MoveHandle",
-        "Tracking",
-        "TrackTiming",
-        "Pointing",
-        "BaseReport",
-        "Playing",
-        "PlayTiming",
-        "Clutch",
-        "Teaching",
-        "MeasuredPose",
-        "RequestFields",
-        "Observer",
+        "move_handle.MoveHandle",
+        "tracking.Tracking",
+        "tracking.TrackTiming",
+        "pointing.Pointing",
+        "pointing.BaseReport",
+        "clutch.Clutch",
+        "teaching.Teaching",
+        "teaching.MeasuredPose",
+        "motion_text.RequestFields",
+        "observer.Observer",
     ],
     "orientd_bluesky": ["RotationAxis", "FlyScan", "MotionStatus"],
-    "orientd_fleet": ["connect_fleet", "Fleet", "FleetMotion", "move_together", "Together"],
+    "orientd_fleet": [
+        "client.connect_fleet",
+        "client.Fleet",
+        "client.Stopped",
+        "together.FleetMotion",
+        "together.move_together",
+        "together.Together",
+    ],
+    "orientd.model": [
+        "limits.ANGULAR",
+        "limits.AXES",
+        "limits.NO_AXES",
+        "limits.Rate",
+        "limits.UNITS",
+        "request.DEFAULT_METHOD",
+        "request.named_frames",
+    ],
     "orientd.protocol": [
         "CellReport",
         "Samples",
@@ -55,10 +70,56 @@ CHOSEN = {
         "to_vector",
         "plain",
     ],
+    "orientd.curves": [
+        *curves.__all__,
+        "axis_turn.AxisTurn",
+        "comparison.Candidate",
+        "comparison.Figures",
+        "comparison.MET",
+        "comparison.compare",
+        "comparison.measure",
+        "comparison.ranked",
+        "fitting.Fit",
+        "fitting.describe_bursts",
+        "fitting.fit_orientations",
+        "hermite.KksHermite",
+        "interpolating.C2Cumulative",
+        "interpolating.KksInterpolating",
+        "products.KksBspline",
+    ],
+    "orientd.planner": [
+        "planning.plan",
+        "certify.certificate.Certificate",
+        "certify.certificate.Peak",
+        "blending.NOT_BLENDED",
+        "blending.blend",
+        "certifying.reshaped",
+        "device_planner.DevicePlanner",
+        "facts.HISTORY",
+        "facts.MOTION_RECORD",
+        "facts.MotionFacts",
+        "methods.check_method",
+        "methods.curve_of",
+        "offline.in_parallel",
+        "offline.need_backend",
+        "path.PathSamples",
+        "path.position_path",
+        "recorded.RecordedMotion",
+        "recorded.rows_of",
+        "recorded.start_of",
+        "recorded.states_between",
+        "resolve.in_device_coordinates",
+        "resolve.report_frame",
+        "task.distinct",
+        "task.plan_as_recorded",
+        "task.replay_request",
+        "task.task_of",
+    ],
     "orientd.plots": ["Picture", "draw", "draw_sheet", "picture"],
     "orientd.mechanism": ["Gimbal", "Mechanical", "Mechanism", "Reserve"],
     "orientd.testing": ["DriverConformance"],
 }
+"""The public names of a package, with the modules to import them from.  Else all of ``__all__``."""
 
 
 def pages(source: Path) -> Iterator[tuple[str, str]]:
@@ -69,7 +130,8 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
         names = _names(module, front)
         listed = []
         for name in names:
-            line, text = _page(front, name, getattr(module, name))
+            home, _, own = f"{front}.{name}".rpartition(".")
+            line, text = _page(home, own, getattr(import_module(home), own))
             yield f"reference/python/{front}.{name}.rst", text
             listed.append(f"| [`{name}`]({front}.{name}.rst) | {line} |")
         doc = "" if front in ("orientd", "orientd.errors") else first(module, front)

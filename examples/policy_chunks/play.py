@@ -17,8 +17,7 @@ from interpolated import Chunk, slerped, straight
 from played import Played, draw_played
 
 import orientd
-from orientd import plots, rotation
-from orientd.client import PlayTiming, Robot
+from orientd import PlayTiming, Robot, plots, rotation
 from orientd.rotation import Quaternion
 from orientd.stream import Cycle, ServoState
 

@@ -9,34 +9,46 @@ Other packages import from ``axis_turn``, ``basis``, ``comparison``, ``contract`
 ``trajectory``.
 """
 
-from orientd.lazy import lazily
+from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
+from orientd.curves.contract import METHODS, Curve
+from orientd.curves.keyframes import (
+    ParameterError,
+    check_keys,
+    is_same,
+    resolve_knots,
+    resolve_times,
+)
+from orientd.curves.roles import (
+    CurveTask,
+    UnevenError,
+    is_pair,
+    make_curve,
+    options_of,
+    parameters,
+    turns_name,
+)
+from orientd.curves.trajectory import PIECE, Samples, TimeMap, Trajectory
 
-TYPE_CHECKING = False  # of typing, without loading it
-if TYPE_CHECKING:
-    from orientd.curves.axis_turn import AxisTurn
-    from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-    from orientd.curves.comparison import MET, Candidate, Figures, compare, measure, ranked
-    from orientd.curves.contract import METHODS, Curve
-    from orientd.curves.fitting import Fit, describe_bursts, fit_orientations
-    from orientd.curves.hermite import KksHermite
-    from orientd.curves.interpolating import C2Cumulative, KksInterpolating
-    from orientd.curves.keyframes import (
-        ParameterError,
-        check_keys,
-        is_same,
-        resolve_knots,
-        resolve_times,
-    )
-    from orientd.curves.products import KksBspline
-    from orientd.curves.roles import (
-        CurveTask,
-        UnevenError,
-        is_pair,
-        make_curve,
-        options_of,
-        parameters,
-        turns_name,
-    )
-    from orientd.curves.trajectory import PIECE, Samples, TimeMap, Trajectory
-
-__getattr__ = lazily(__name__)
+__all__ = [
+    "METHODS",
+    "PIECE",
+    "CumulativeBasis",
+    "Curve",
+    "CurveTask",
+    "Indices",
+    "ParameterError",
+    "Samples",
+    "TimeMap",
+    "Trajectory",
+    "UnevenError",
+    "check_keys",
+    "cumulative_basis",
+    "is_pair",
+    "is_same",
+    "make_curve",
+    "options_of",
+    "parameters",
+    "resolve_knots",
+    "resolve_times",
+    "turns_name",
+]

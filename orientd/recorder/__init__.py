@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 _MOVED = {
-    "Orientations": "orientd_replay.Orientations",
-    "read_orientations": "orientd_replay.read_orientations",
+    "Orientations": "orientd_replay.orientations.Orientations",
+    "read_orientations": "orientd_replay.orientations.read_orientations",
 }
 """Names of version 0.2 and where they are now."""
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RotationSpline
 
-from orientd.curves import C2Cumulative
+from orientd.curves.interpolating import C2Cumulative
 from orientd.rotation import Floats, exp, multiply, normalize, to_scipy
 
 KEYFRAMES = 100

@@ -12,7 +12,12 @@ import numpy as np
 from bench.following_requests import Case
 
 from orientd.errors import PlanError
-from orientd.planner import NOT_BLENDED, Limits, Motion, MotionRequest, State, blend, plan
+from orientd.model.limits import Limits
+from orientd.model.request import MotionRequest
+from orientd.planner.blending import NOT_BLENDED, blend
+from orientd.planner.motion import Motion
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import Floats
 
 HELD = 3

@@ -12,7 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.state import State
 from orientd.rotation import Floats, exp, multiply
 
 DEVICE = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)

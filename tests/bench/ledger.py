@@ -81,17 +81,14 @@ from orientd.driver import AxisLimits  # noqa: E402
 from orientd.errors import PlanError, RequestError  # noqa: E402
 from orientd.keep_out import KeepOut  # noqa: E402
 from orientd.mechanism.gimbal import Gimbal  # noqa: E402
-from orientd.planner import (  # noqa: E402
-    DevicePlanner,
-    Keyframe,
-    Limits,
-    Motion,
-    MotionRequest,
-    State,
-    blend,
-    plan,
-    planning,
-)
+from orientd.model.limits import Limits  # noqa: E402
+from orientd.model.request import Keyframe, MotionRequest  # noqa: E402
+from orientd.planner import planning  # noqa: E402
+from orientd.planner.blending import blend  # noqa: E402
+from orientd.planner.device_planner import DevicePlanner  # noqa: E402
+from orientd.planner.motion import Motion  # noqa: E402
+from orientd.planner.planning import plan  # noqa: E402
+from orientd.planner.state import State  # noqa: E402
 from orientd.rotation import exp, multiply  # noqa: E402
 from orientd_ur.arm import MODELS  # noqa: E402
 

@@ -9,7 +9,9 @@ from peer_timing import CASES, LIMITS, PERIOD, Orientd, Ruckig, Toppra, excess, 
 from scipy.spatial.transform import RotationSpline
 
 from orientd import rotation
-from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 KEYFRAMES = 8
 

@@ -19,7 +19,10 @@ from servo_lateness import DEVICE, daemon
 
 from orientd import rotation
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.stub import control_stub
 

@@ -11,7 +11,10 @@ import numpy as np
 from bench.following_judge import rates, turns
 
 from orientd.errors import PlanError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 LIMITS = {
     "1/1/1": Limits(1.0, 1.0, 1.0, 1.0, 10.0),

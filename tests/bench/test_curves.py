@@ -15,7 +15,8 @@ from curve_speed import Sampling, random_walk
 from scipy.spatial.transform import RotationSpline
 
 from orientd import processor
-from orientd.curves import METHODS, C2Cumulative
+from orientd.curves import METHODS
+from orientd.curves.interpolating import C2Cumulative
 from orientd.rotation import to_scipy
 
 pytestmark = pytest.mark.bench

@@ -21,8 +21,8 @@ from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.servo.realtime import set_scheduling
-from orientd_fleet import FleetMotion, move_together
 from orientd_fleet.command import STOP_PRIORITY
+from orientd_fleet.together import FleetMotion, move_together
 
 pytest.importorskip("zenoh")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1200)]
@@ -204,7 +204,9 @@ def test_with_one_unable_none_moves(folder, capsys):
 
 KILLED_ASKER = """
 import sys
-from orientd_fleet import FleetMotion, connect_fleet, move_together, together
+from orientd_fleet.together import FleetMotion, move_together
+from orientd_fleet.client import connect_fleet
+from orientd_fleet import together
 from orientd.motion_file import parse
 starts = together._starts
 def told(*given):
@@ -258,7 +260,8 @@ LEASE, LINK = 3.0, 3.0
 
 ASKER = """
 import json, sys, time
-from orientd_fleet import FleetMotion, connect_fleet, move_together
+from orientd_fleet.together import FleetMotion, move_together
+from orientd_fleet.client import connect_fleet
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 endpoint, cell, certificate, key, ca, rounds, angle, velocity, *names = sys.argv[1:]

@@ -7,7 +7,8 @@ from reference.pass_search import least_loss
 import orientd
 from emulated_dynamixel import ManualClock
 from orientd.model.limits import DEFAULT_LIMITS
-from orientd.planner import DevicePlanner, State
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.rotation import rotate
 from orientd_dynamixel import DynamixelDriver
 from orientd_rotctld import satellite_pass

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from pages import DOCS
 
-from orientd.curves import METHODS, compare, make_curve
+from orientd.curves import METHODS, make_curve
+from orientd.curves.comparison import compare
 from orientd.errors import OrientdError
 from orientd.rotation import angle, rotate
 

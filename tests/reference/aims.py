@@ -1,6 +1,7 @@
 """Short for what tests plan often: a new aim, and where a motion ends."""
 
-from orientd.planner import Keyframe, MotionRequest, plan
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
 from orientd.rotation import check_unit
 
 

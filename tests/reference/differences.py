@@ -8,9 +8,9 @@ import numpy as np
 
 from orientd import kernels
 from orientd.model.limits import Limits
-from orientd.planner import HISTORY
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, law
 from orientd.planner.certify.measuring import limit_table
+from orientd.planner.facts import HISTORY
 from orientd.rotation import Floats, conjugate, log, multiply
 
 

@@ -21,7 +21,7 @@ from orientd.recorder.planned import marks
 from orientd.recorder.reader import load_recording
 from orientd.recorder.tables import columns
 from orientd.recorder.writer import RecordingWriter
-from orientd_replay import read_orientations
+from orientd_replay.orientations import read_orientations
 
 MOST_MIB = 300
 CONFIG = Path(__file__).parents[2] / "config"

@@ -21,7 +21,7 @@ from storm_rig import DEVICES, Rig, memory_mib, sent, shares_of_limits
 from wild import anywhere, wild_motion
 
 import orientd as api
-from orientd.client import MoveHandle
+from orientd.client.move_handle import MoveHandle
 from orientd.errors import DaemonError, OrientdError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import word

@@ -10,7 +10,7 @@ from pathlib import Path
 from authority import Authority
 from harness import free_port
 
-from orientd_fleet import connect_fleet
+from orientd_fleet.client import connect_fleet
 
 CELL = "lab"
 AHEAD = ["unshare", "--time", "--monotonic"]

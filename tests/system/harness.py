@@ -22,9 +22,13 @@ from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 from judge import Judge, judged
 from motions import motion_of, through
 
-from orientd import connect, motion_file, planner
+from orientd import connect, motion_file
 from orientd.driver import Setpoint
 from orientd.errors import OrientdError
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.planner.motion import Motion
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.stub import control_stub
 from orientd.stream.records import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
@@ -413,12 +417,12 @@ def nudge(angle: float) -> bytes:
     return through([(0, 0, 0), (0.5 * angle, 0, 0), (angle, 0, angle)], approach=True)
 
 
-def planned_path(daemon: DaemonProcess, motion: bytes) -> planner.Motion:
+def planned_path(daemon: DaemonProcess, motion: bytes) -> Motion:
     """Return the motion as the daemon has planned it, from the loopback's first orientation."""
-    return planner.plan(
+    return plan(
         motion_file.loads(motion),
-        start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        limits=planner.DEFAULT_LIMITS,
+        start=State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        limits=DEFAULT_LIMITS,
         period=daemon.period,
     )
 

@@ -6,7 +6,7 @@ import pytest
 from command_line import assert_refused, inside
 
 from orientd.cli.commands import bench
-from orientd.client import Robot
+from orientd.client.robot import Robot
 
 QUICK = ("bench", "--seconds", "0.5", "--count", "2")
 KINDS = ("lateness", "plan", "retarget", "start", "stop")

@@ -13,7 +13,7 @@ from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device, EventKind
 from orientd.errors import GOING_DOWN, DaemonError, Fault
-from orientd.planner import Keyframe, MotionRequest
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.stream.records import ServoState
 
 pytestmark = pytest.mark.world

@@ -20,7 +20,9 @@ from orientd.errors import AccessError, DaemonError, StateError
 from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
-from orientd_fleet import FleetMotion, client, connect_fleet, move_together
+from orientd_fleet import client
+from orientd_fleet.client import connect_fleet
+from orientd_fleet.together import FleetMotion, move_together
 
 pytest.importorskip("zenoh")
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
@@ -167,7 +169,8 @@ KILLED = """
 import sys
 sys.path[:0] = sys.argv[1:3]
 from pathlib import Path
-from orientd_fleet import FleetMotion, connect_fleet, move_together
+from orientd_fleet.together import FleetMotion, move_together
+from orientd_fleet.client import connect_fleet
 from orientd.motion_file import parse
 files = {name: Path(path) for name, path in zip(("certificate", "key", "ca"), sys.argv[4:7])}
 fleet = connect_fleet(sys.argv[3], cell="lab", wait_for=sys.argv[7:], **files)

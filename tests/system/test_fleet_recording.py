@@ -16,8 +16,8 @@ from orientd.motion_file import parse
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.planned import planned_orientations
 from orientd.recorder.reader import load_recording
-from orientd_fleet import FleetMotion, move_together
-from orientd_replay import read_orientations
+from orientd_fleet.together import FleetMotion, move_together
+from orientd_replay.orientations import read_orientations
 
 pytest.importorskip("zenoh")
 pytest.importorskip("mcap")

@@ -8,7 +8,7 @@ from harness import DEVICE, peaks, read_recording
 
 import orientd
 from orientd import rotation
-from orientd.planner import NOT_BLENDED
+from orientd.planner.blending import NOT_BLENDED
 from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.world

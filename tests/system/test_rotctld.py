@@ -13,7 +13,7 @@ from harness import DEVICE, DaemonProcess, until
 from reference.pass_due import pass_due
 from rotator import Client, rotctld
 
-from orientd.client import connect
+from orientd.client.robot import connect
 from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.world

@@ -11,7 +11,7 @@ from command_line import assert_refused, orientd
 from harness import DEVICE, until
 from rotator import rotctld
 
-from orientd.client import connect
+from orientd.client.robot import connect
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import rotate

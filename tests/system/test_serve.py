@@ -8,7 +8,7 @@ import pytest
 from command_line import assert_refused, begin, orientd
 from harness import DEVICE
 
-from orientd.client import connect
+from orientd.client.robot import connect
 from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.world

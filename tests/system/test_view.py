@@ -11,7 +11,7 @@ from command_line import assert_refused, begin, orientd
 from harness import DEVICE, DaemonProcess, spin, until
 from page import page_at
 
-from orientd.client import connect
+from orientd.client.robot import connect
 from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("websockets")

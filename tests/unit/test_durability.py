@@ -9,7 +9,10 @@ import time
 import pytest
 from reference.disk import Disk
 
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.structured_text import write_structured
 from orientd_dynamixel.options import parse
 from orientd_dynamixel.servo import Servo

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from orientd.errors import RequestError
+from orientd.model.limits import Limits
 from orientd.motion_file import load, motion_schema, parse
-from orientd.planner import Limits
 from orientd.rotation import angle, exp, from_euler
 
 ONE = {"w": 1, "x": 0, "y": 0, "z": 0}

@@ -11,8 +11,11 @@ from motions import read
 import orientd
 from orientd.cli import texts
 from orientd.errors import RequestError
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.motion_file import loads, parse, written
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.columns import keyframe_rows
 from orientd.protocol.targets import target_from_message

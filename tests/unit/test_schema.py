@@ -16,10 +16,10 @@ from orientd.client import motion_text
 from orientd.daemon.device import EventKind
 from orientd.errors import Fault, RequestError
 from orientd.keep_out import KeepOut
-from orientd.model.limits import ANGULAR, UNITS
+from orientd.model.limits import ANGULAR, UNITS, Limits
 from orientd.model.orientation import FORMS
+from orientd.model.request import Frame, Keyframe, MotionRequest, Pose
 from orientd.model.schema import attribute_lines
-from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.columns import keyframe_columns, keyframe_rows
 from orientd.stream.records import Cycle, ServoState

@@ -35,7 +35,8 @@ main()
 
 PLAN = """
 import orientd
-from orientd.curves import METHODS, fit_orientations
+from orientd.curves import METHODS
+from orientd.curves.fitting import fit_orientations
 from orientd.errors import OrientdError
 
 keys = [[1, 0, 0, 0], [0.8, 0.6, 0, 0], [0.8, 0, 0.6, 0], [0.6, 0, 0, 0.8]]

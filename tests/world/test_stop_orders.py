@@ -17,7 +17,10 @@ from command_line import begin
 from harness import DEVICE, DaemonProcess, assert_limits_kept, nudge, until
 from scipy.spatial import cKDTree
 
-from orientd import motion_file, planner, rotation
+from orientd import motion_file, rotation
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.protocol import control_pb2 as pb
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd_loopback import read_recording
@@ -135,10 +138,10 @@ def live(life, order, rng):
 
     times, q = life.sent()
     assert_within_limits(times, q, daemon.period)
-    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    limits = planner.DEFAULT_LIMITS
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    limits = DEFAULT_LIMITS
     request = motion_file.parse(MOTION)
-    assert_on_path(q, planner.plan(request, start=start, limits=limits, period=daemon.period))
+    assert_on_path(q, plan(request, start=start, limits=limits, period=daemon.period))
 
     life.client.communicate()
     until(lambda: not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases, "the lease")

@@ -13,7 +13,8 @@ from generators.basis import INSTANTS, cumulative_functions, draw_functions
 from generators.papers import scenes
 from generators.papers.sweep import draw_sweep
 from generators.papers.tips import draw_ideal, draw_tip_paths
-from orientd.curves import METHODS, KksBspline
+from orientd.curves import METHODS
+from orientd.curves.products import KksBspline
 from orientd.plots.bodies import Face, draw_bodies, plate
 from orientd.plots.paper import SERIES, check_format, new_figure, save
 from orientd.plots.triads import TriadStyle, draw_triads

@@ -10,14 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves import (
-    Curve,
-    CurveTask,
-    KksBspline,
-    KksHermite,
-    KksInterpolating,
-    cumulative_basis,
-)
+from orientd.curves import Curve, CurveTask, cumulative_basis
+from orientd.curves.hermite import KksHermite
+from orientd.curves.interpolating import KksInterpolating
+from orientd.curves.products import KksBspline
 from orientd.plots.bodies import Face, SweptPoses, prism
 from orientd.rotation import Floats, exp, from_euler, multiply
 

@@ -10,8 +10,7 @@ from lerobot.utils.decorators import check_if_already_connected, check_if_not_co
 
 import orientd
 from lerobot_robot_orientd.config import OrientdConfig
-from orientd import rotation
-from orientd.client import Playing
+from orientd import Playing, rotation
 from orientd.errors import RequestError, StateError
 
 POSE = ("ee.x", "ee.y", "ee.z", "ee.wx", "ee.wy", "ee.wz")

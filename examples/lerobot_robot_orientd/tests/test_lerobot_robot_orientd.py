@@ -13,7 +13,7 @@ from lerobot.robots.utils import make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
 
-from orientd.client import Playing
+from orientd import Playing
 from orientd.errors import RequestError
 
 

@@ -17,7 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 CASES, SEEDS, TRIES = 20, 10, 140
 PERIOD = 0.002

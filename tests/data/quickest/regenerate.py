@@ -17,7 +17,10 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, diags, vstack
 from scipy.spatial.transform import Rotation
 
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 ROUNDS = 60
 

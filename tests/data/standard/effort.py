@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from orientd.curves import METHODS, CurveTask, Figures, make_curve, measure
+from orientd.curves import METHODS, CurveTask, make_curve
+from orientd.curves.comparison import Figures, measure
 from orientd.errors import PlanError
 from orientd.rotation import exp, multiply
 

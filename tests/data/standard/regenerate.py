@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from orientd import motion_file
-from orientd.curves import METHODS, make_curve, measure
+from orientd.curves import METHODS, make_curve
+from orientd.curves.comparison import measure
 from orientd.errors import PlanError
-from orientd.planner import task_of
+from orientd.planner.task import task_of
 
 HERE = Path(__file__).parent
 INERTIA = np.array([1.0, 2.0, 3.0])

@@ -26,7 +26,10 @@ from orientd.daemon.device import MoveOptions
 from orientd.daemon.planners.messages import PlanRequest
 from orientd.driver import Setpoint
 from orientd.errors import LinkError, PlanError, RequestError, StateError
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd_ur import UrDriver
 from orientd_ur.controller import RuntimeState, version_problem
 from orientd_ur.link import are_open, send_at_once

@@ -9,7 +9,7 @@ from ur_rig import device_of, is_holding, streaming, swing_motion, until
 from orientd import rotation
 from orientd.daemon.calls.latency_identification import identify
 from orientd.errors import Fault
-from orientd.planner import rows_of
+from orientd.planner.recorded import rows_of
 from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("rtde_control")

@@ -10,7 +10,10 @@ from emulated_ur import EmulatedRobot
 from orientd.cli.main import app
 from orientd.clock import MonotonicClock
 from orientd.errors import PlanError
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd_ur import UrDriver
 
 pytest.importorskip("rtde_control")

@@ -14,7 +14,8 @@ from ur_rig import device_of, is_holding, plan, until
 from orientd import rotation
 from orientd.driver import AxisLimits
 from orientd.errors import Fault
-from orientd.planner import Keyframe, MotionRequest, rows_of
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.recorded import rows_of
 
 pytest.importorskip("rtde_control")
 

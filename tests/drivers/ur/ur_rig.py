@@ -15,7 +15,7 @@ from orientd.daemon.device import Device, servo_limits_of
 from orientd.driver import Setpoint
 from orientd.errors import DeviceError, Fault
 from orientd.floats import exp, multiply
-from orientd.planner import Keyframe, MotionRequest
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.stream.records import ServoState
 from orientd_ur import UrDriver
 from orientd_ur.wire import Dashboard

@@ -12,11 +12,14 @@ import pytest
 from click.testing import CliRunner
 from pyarrow import parquet
 
-from orientd import motion_file, planner
+from orientd import motion_file
 from orientd.cli.command import device_settings
 from orientd.cli.main import app
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.planner import offline
+from orientd.planner.offline import plan_many
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd_batch import batch
 from orientd_batch.batch import RECORD, plan_file
 
@@ -74,8 +77,8 @@ def test_each_request_has_its_row_with_its_certificate_or_its_refusal(file, tmp_
     assert rows[5]["refusal"].startswith("not JSON")
     request = motion_file.parse(MOTIONS[1])
     limits, period = DEVICE.limits.to_limits(), DEVICE.period_ns * 1e-9
-    start = planner.State.at_rest(request.keys[0])
-    certificate = planner.plan(request, start=start, limits=limits, period=period).certificate
+    start = State.at_rest(request.keys[0])
+    certificate = plan(request, start=start, limits=limits, period=period).certificate
     assert rows[1]["duration"] == certificate.duration
     assert rows[1]["peak_jerk"] == certificate.peak_jerk.value
     assert rows[1]["limit_velocity"] == limits.velocity
@@ -108,8 +111,8 @@ def test_records_are_those_of_the_motion(file, tmp_path):
     planned(file, tmp_path / "plans", has_records=True)
     records = parquet.read_table(tmp_path / "plans" / "records" / "000000.parquet")
     request = motion_file.parse(MOTIONS[1])
-    made = planner.plan(
-        request, start=planner.State.at_rest(request.keys[0]),
+    made = plan(
+        request, start=State.at_rest(request.keys[0]),
         limits=DEVICE.limits.to_limits(), period=DEVICE.period_ns * 1e-9,
     )  # fmt: skip
     second = records.filter(np.array(records["row"]) == 1)
@@ -148,7 +151,7 @@ def test_many_motions_come_in_order_with_refusals_in_their_places():
     fast = motion(2.0)
     fast["keyframes"][0]["time"], fast["keyframes"][1]["time"] = 0.0, 1e-3
     requests.insert(1, motion_file.parse(fast))
-    found = list(planner.plan_many(iter(requests), jobs=2))
+    found = list(plan_many(iter(requests), jobs=2))
     assert isinstance(found[1], LimitError)
     assert isinstance(found[1], OrientdError)
     assert found[1].quantity
@@ -189,4 +192,4 @@ def test_the_address_of_a_cluster_is_that_of_no_daemon(file, tmp_path):
 def test_a_cluster_that_is_not_there_is_said_not_to_be(monkeypatch):
     monkeypatch.setattr(offline, "find_spec", lambda name: name)
     with pytest.raises(OrientdError, match=r"no ray cluster at 127.0.0.1:9: .*refused"):
-        next(planner.plan_many([], backend="ray", address="127.0.0.1:9"))
+        next(plan_many([], backend="ray", address="127.0.0.1:9"))

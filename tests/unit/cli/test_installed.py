@@ -87,12 +87,18 @@ print([name for name in sys.modules if name == "importlib.metadata"])
     [
         ("from orientd import satellite_pass", "orientd_rotctld.satellite_pass"),
         ("import orientd; orientd.satellite_pass", "orientd_rotctld.satellite_pass"),
-        ("from orientd import connect_fleet", "orientd_fleet.connect_fleet"),
-        ("from orientd.fleet import move_together", "orientd_fleet"),
+        ("from orientd import connect_fleet", "orientd_fleet.client.connect_fleet"),
+        ("from orientd.fleet import move_together", "orientd_fleet.together (move_together"),
         ("from orientd.adapters import RotationAxis", "orientd_bluesky"),
-        ("from orientd.recorder import read_orientations", "orientd_replay.read_orientations"),
-        ("import orientd.recorder as r; r.read_orientations", "orientd_replay.read_orientations"),
-        ("from orientd.recorder import Orientations", "orientd_replay.Orientations"),
+        (
+            "from orientd.recorder import read_orientations",
+            "orientd_replay.orientations.read_orientations",
+        ),
+        (
+            "import orientd.recorder as r; r.read_orientations",
+            "orientd_replay.orientations.read_orientations",
+        ),
+        ("from orientd.recorder import Orientations", "orientd_replay.orientations.Orientations"),
         ("from orientd.compat import RTDEInterpolationController", "orientd_diffusion_policy"),
     ],
 )

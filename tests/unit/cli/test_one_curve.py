@@ -10,8 +10,9 @@ from motions import read
 from orientd import motion_file, plots
 from orientd.cli.main import app
 from orientd.curves import METHODS, comparison, is_pair
-from orientd.planner import DEFAULT_LIMITS, State
-from orientd.planner import plan as planned
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.planner.planning import plan as planned
+from orientd.planner.state import State
 from orientd.rotation import angle
 
 KEYFRAMES = """

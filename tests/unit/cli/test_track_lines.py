@@ -9,7 +9,7 @@ import time
 import pytest
 
 from orientd.cli.commands.track import _Lines
-from orientd.client import Pointing
+from orientd.client.pointing import Pointing
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.targets import target_from_message
 

@@ -10,7 +10,7 @@ from unittest import mock
 
 from tracking_world import NS, World, angle, servo_limits
 
-from orientd.client import Pointing
+from orientd.client.pointing import Pointing
 from orientd.driver import IDENTITY, ZERO
 from orientd.floats import conjugate, difference, exp, multiply, norm, rotate_back
 from orientd.protocol import control_pb2 as pb

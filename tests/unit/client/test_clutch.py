@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import orientd
-from orientd.client import Clutch
-from orientd.client.clutch import Anchor
+from orientd.client.clutch import Anchor, Clutch
 from orientd.driver import ZERO
 from orientd.errors import RequestError
 from orientd.floats import difference, exp, multiply, norm, plus

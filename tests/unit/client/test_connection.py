@@ -7,7 +7,7 @@ import orientd
 from orientd.client.channel import Way, certificate_files
 from orientd.client.robot import Robot
 from orientd.errors import DaemonError
-from orientd_fleet import connect_fleet
+from orientd_fleet.client import connect_fleet
 
 
 def test_what_is_called_wrongly_is_not_taken_for_a_closed_connection(tmp_path):

@@ -4,8 +4,9 @@ import threading
 from types import SimpleNamespace
 
 import orientd
-from orientd.client import Robot, move_handle
+from orientd.client import move_handle
 from orientd.client.channel import Way
+from orientd.client.robot import Robot
 
 
 def test_motions_that_two_threads_begin_are_both_stopped_at_the_end(tmp_path, monkeypatch):

@@ -12,7 +12,9 @@ from orientd.daemon.planners.messages import CHUNK, Planned, PlanRequest, Record
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.worker import Worker
 from orientd.motion_file import written
-from orientd.planner import HISTORY, State, rows_of, start_of
+from orientd.planner.facts import HISTORY
+from orientd.planner.recorded import rows_of, start_of
+from orientd.planner.state import State
 
 
 class DirectPlanners:

@@ -11,7 +11,7 @@ from orientd.daemon.device import DeviceSnapshot, EventKind
 from orientd.daemon.device.servo_process import ServoProcess
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault
-from orientd.planner import DEFAULT_LIMITS
+from orientd.model.limits import DEFAULT_LIMITS
 from orientd.protocol import control_pb2 as pb
 from orientd.stream.memory import SharedMemory
 from orientd.stream.records import CYCLE_RECORD, UNKNOWN, Command, Cycle, ServoState

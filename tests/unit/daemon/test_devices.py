@@ -26,7 +26,8 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
-from orientd.planner import Keyframe, Limits, MotionRequest
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
 from orientd.stream.records import ServoState

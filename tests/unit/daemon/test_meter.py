@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from direct_planners import recorded
 
-from orientd import planner, rotation
+from orientd import rotation
 from orientd.daemon.device.meter import Histogram, MotionMeter
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.recorder.columns import CYCLES
 from orientd.stream.records import CYCLE_RECORD, CycleFlag, ServoState
 from orientd.stream.ring import RecordRing
@@ -20,14 +24,14 @@ def motion():
     """A motion that ends between two cycles, with velocity at both ends."""
     turns = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.3], [0.0, 0.2, 0.5]])
     keyframes = [
-        planner.Keyframe(tuple(q), time=time)
+        Keyframe(tuple(q), time=time)
         for q, time in zip(rotation.exp(turns), (0.0, 0.5, 1.0007), strict=True)
     ]
-    request = planner.MotionRequest(
+    request = MotionRequest(
         keyframes, start_velocity=(0.1, 0.2, 0.3), end_velocity=(0.4, -0.3, 0.2), approach=True
     )
-    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0))
-    return planner.plan(request, start=start, limits=planner.DEFAULT_LIMITS, period=PERIOD)
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0))
+    return plan(request, start=start, limits=DEFAULT_LIMITS, period=PERIOD)
 
 
 def sent(motion):

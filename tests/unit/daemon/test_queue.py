@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 from direct_planners import recorded, state_at
 
-from orientd import planner, rotation
+from orientd import rotation
 from orientd.daemon.device.event import EventKind
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import DaemonError, LateError, NotYetError
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.stream.memory import SharedMemory
 from orientd.stream.records import ServoState, records_to_stop
 
@@ -51,11 +55,9 @@ def link():
 
 def turn(angle, start=(1.0, 0.0, 0.0, 0.0)):
     q = rotation.multiply(start, rotation.exp(np.array([0.0, 0.0, angle])))
-    request = planner.MotionRequest([planner.Keyframe(tuple(q))], pace="even")
-    start = planner.State.at_rest(start)
-    return recorded(
-        planner.plan(request, start=start, limits=planner.DEFAULT_LIMITS, period=PERIOD)
-    )
+    request = MotionRequest([Keyframe(tuple(q))], pace="even")
+    start = State.at_rest(start)
+    return recorded(plan(request, start=start, limits=DEFAULT_LIMITS, period=PERIOD))
 
 
 @pytest.mark.parametrize("refusal", [LateError("it has passed"), NotYetError("it changes")])
@@ -97,12 +99,10 @@ def test_a_motion_that_the_servo_has_left_for_one_whose_answer_was_late_has_ende
 def test_a_slow_servo_has_its_stop_in_the_ring_before_it_begins(link, acceleration):
     """At ten cycles a second a stop takes only a few records, and each of them counts."""
     period = 0.1
-    limits = planner.DEFAULT_LIMITS.with_rates({"velocity": 1.0, "acceleration": acceleration})
-    keyframes = [planner.Keyframe((np.cos(1.5), 0.0, 0.0, np.sin(1.5)))]
-    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0))
-    motion = recorded(
-        planner.plan(planner.MotionRequest(keyframes), start=start, limits=limits, period=period)
-    )
+    limits = DEFAULT_LIMITS.with_rates({"velocity": 1.0, "acceleration": acceleration})
+    keyframes = [Keyframe((np.cos(1.5), 0.0, 0.0, np.sin(1.5)))]
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0))
+    motion = recorded(plan(MotionRequest(keyframes), start=start, limits=limits, period=period))
     motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=128)
     motion_queue.begin(QueuedMotion(motion, number=1))
     # The servo starts from the first record.

@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 from fake_device import STATISTICS, FakeDevice, cycle
 
-from orientd import config, planner
+from orientd import config
 from orientd.daemon.calls import report
 from orientd.daemon.device import MoveOptions, QueuedMotion
 from orientd.daemon.planners import reporting
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.protocol import control_pb2 as pb
 from orientd.stream.records import CycleFlag, record_index
 
@@ -24,11 +28,9 @@ def device():
 
 @pytest.fixture
 def motion():
-    request = planner.MotionRequest(
-        [planner.Keyframe((1.0, 0.0, 0.0, 0.0)), planner.Keyframe((0.8, 0.6, 0.0, 0.0))]
-    )
-    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0))
-    return planner.plan(request, start=start, limits=planner.DEFAULT_LIMITS, period=0.002)
+    request = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0)), Keyframe((0.8, 0.6, 0.0, 0.0))])
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0))
+    return plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002)
 
 
 def test_cycles_are_read_once_and_in_order(device):

@@ -5,7 +5,7 @@ from fake_device import FakeServo, servo_of
 
 from orientd import config
 from orientd.daemon.device import Device, EventKind, servo_limits_of
-from orientd.planner import Limits
+from orientd.model.limits import Limits
 from orientd.protocol import control_pb2 as pb
 
 SETTINGS = config.default_settings().devices["arm"]

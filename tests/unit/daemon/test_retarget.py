@@ -16,7 +16,8 @@ from orientd.daemon.planners.messages import record_at_rest
 from orientd.daemon.workers import DeviceWorkers
 from orientd.driver import ZERO
 from orientd.errors import LimitError
-from orientd.planner import Keyframe, Limits, MotionRequest
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.stream.records import Command, ServoState
 
 PERIOD = 0.002

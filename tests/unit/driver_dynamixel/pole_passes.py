@@ -3,7 +3,7 @@
 import numpy as np
 
 from emulated_dynamixel import ManualClock
-from orientd.planner import Limits
+from orientd.model.limits import Limits
 from orientd_dynamixel import DynamixelDriver
 
 PERIOD = 0.01

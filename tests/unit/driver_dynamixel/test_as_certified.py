@@ -12,7 +12,9 @@ from scipy.interpolate import CubicHermiteSpline
 
 from orientd import motion_file
 from orientd.daemon.device import queue
-from orientd.planner import DevicePlanner, Limits, State
+from orientd.model.limits import Limits
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.stream.records import Answer, Command, ServoState
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)

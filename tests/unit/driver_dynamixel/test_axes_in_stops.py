@@ -11,7 +11,9 @@ from pole_passes import AXES, LIMITS, PERIOD, driver_with, over_the_top
 from orientd import motion_file, rotation
 from orientd.daemon.device import queue
 from orientd.errors import Fault, PlanError
-from orientd.planner import DevicePlanner, Keyframe, MotionRequest, State
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.stream.records import Command, ServoState
 from orientd.tolerances import GUARD_TOLERANCE
 

@@ -8,7 +8,8 @@ import pytest
 from emulated_dynamixel import ManualClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LimitError
-from orientd.planner import DevicePlanner, Limits
+from orientd.model.limits import Limits
+from orientd.planner.device_planner import DevicePlanner
 from orientd_dynamixel import DynamixelDriver
 from orientd_rotctld import satellite_pass
 

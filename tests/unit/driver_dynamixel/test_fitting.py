@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from pole_passes import AXES, LIMITS, PERIOD, driver_with, over_the_top
 
-from orientd import motion_file, planner
+from orientd import motion_file
 from orientd.errors import LimitError
-from orientd.planner import State, fitting
+from orientd.planner import fitting, planning
 from orientd.planner.fitting import Fitting
 from orientd.planner.path import RecordedPath
+from orientd.planner.state import State
 from orientd.rotation import angle, conjugate, exp, multiply
 
 
@@ -76,7 +77,7 @@ def test_path_without_times_is_nearly_as_fast_as_the_axes_allow(miss):
 
 def test_planning_for_the_axes_is_bounded_in_attempts(monkeypatch):
     made = []
-    plan = planner.plan
+    plan = planning.plan
     monkeypatch.setattr(fitting, "plan", lambda *a, **k: made.append(1) or plan(*a, **k))
     for miss in (4.0, 0.02):
         made.clear()
@@ -135,7 +136,7 @@ def test_a_certificate_tells_when_a_path_at_times_is_lost(monkeypatch):
 
     monkeypatch.setattr(RecordedPath, "of", watched)
     motion = fit(turning(300, 12.0), allow_slews=True)
-    plain = planner.plan(
+    plain = planning.plan(
         motion_file.parse(turning(300, 12.0)), start=State.at_rest([1, 0, 0, 0]),
         limits=LIMITS, period=PERIOD,
     )  # fmt: skip

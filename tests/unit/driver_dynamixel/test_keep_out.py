@@ -9,7 +9,8 @@ import pytest
 
 from orientd.config import DeviceSettings
 from orientd.errors import PlanError
-from orientd.planner import Keyframe, MotionRequest, State
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.state import State
 from orientd.rotation import from_euler, rotate
 from orientd_rotctld import satellite_pass
 

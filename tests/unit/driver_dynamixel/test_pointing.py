@@ -10,7 +10,10 @@ from bench.pointing_requests import CLOSE, pointings
 from emulated_dynamixel import ManualClock
 from orientd import motion_file
 from orientd.errors import LimitError
-from orientd.planner import DevicePlanner, Limits, State, plan
+from orientd.model.limits import Limits
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, from_euler, rotate
 from orientd_dynamixel import DynamixelDriver
 

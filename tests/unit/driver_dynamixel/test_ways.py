@@ -9,7 +9,10 @@ import pytest
 from emulated_dynamixel import ManualClock
 from orientd.errors import LimitError, StartError
 from orientd.mechanism.turning import windings
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.rotation import exp, from_euler
 from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.options import parse

@@ -11,7 +11,10 @@ from emulated_dynamixel import ManualClock
 from orientd.errors import LimitError, PlanError
 from orientd.floats import exp, log, multiply
 from orientd.mechanism.routing import check_way, joints_along
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.rotation import rotate
 from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS

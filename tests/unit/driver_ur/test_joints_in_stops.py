@@ -11,7 +11,10 @@ from rig import PERIOD, PERIOD_NS
 from emulated_dynamixel import ManualClock
 from orientd import rotation
 from orientd.errors import PlanError
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.tolerances import GUARD_TOLERANCE
 from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS

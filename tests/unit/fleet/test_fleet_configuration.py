@@ -5,7 +5,6 @@ import pytest
 
 from orientd import config
 from orientd.errors import ConfigError, RequestError
-from orientd_fleet import read_plan
 from orientd_fleet.access import (
     address_of,
     member_configuration,
@@ -14,6 +13,7 @@ from orientd_fleet.access import (
 )
 from orientd_fleet.gateway import _fingerprint
 from orientd_fleet.settings import MemberSettings
+from orientd_fleet.together import read_plan
 
 SOCKET = Path("/run/control.sock")
 

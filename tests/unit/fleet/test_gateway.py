@@ -12,7 +12,8 @@ from orientd import config
 from orientd.errors import DaemonError
 from orientd.protocol import CellReport
 from orientd.protocol import control_pb2 as pb
-from orientd_fleet import connect_fleet, gateway
+from orientd_fleet import gateway
+from orientd_fleet.client import connect_fleet
 from orientd_fleet.settings import MemberSettings
 
 pytest.importorskip("zenoh")

@@ -6,7 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import pytest
 
 from orientd.errors import DaemonError, LateError
-from orientd.planner import Keyframe, MotionRequest
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
 from orientd_fleet.together import FleetMotion, Together, _all_or_none, _wait
 

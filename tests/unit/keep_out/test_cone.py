@@ -12,7 +12,7 @@ from orientd.errors import RequestError
 from orientd.keep_out import KeepOut
 from orientd.keep_out.cone import FASTEST_SUN
 from orientd.model.cones import read_cones
-from orientd.planner import Keyframe
+from orientd.model.request import Keyframe
 from orientd.rotation import exp
 from orientd.sun import Sun
 

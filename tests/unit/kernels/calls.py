@@ -9,7 +9,11 @@ import numpy as np
 from orientd import kernels
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, states_between
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.recorded import states_between
+from orientd.planner.state import State
 from orientd.rotation import exp, multiply
 
 LIMITS = Limits(2.0, 8.0, 200.0, 1.0, 10.0)

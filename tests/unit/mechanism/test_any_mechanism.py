@@ -10,8 +10,11 @@ from emulated_dynamixel import ManualClock
 from orientd.driver import AxisLimits, Driver
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError, StartError
 from orientd.mechanism import Gimbal, Mechanism, Reserve
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.certify.measuring import STATE, AxisRecords, measure
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.rotation import exp, multiply
 from orientd.tolerances import GUARD_TOLERANCE
 

@@ -4,8 +4,10 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+from orientd.model.limits import DEFAULT_LIMITS
 from orientd.model.reading import read_request
-from orientd.planner import DEFAULT_LIMITS, State, plan
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 FOLDER = Path(__file__).parents[2] / "data" / "requests"
 

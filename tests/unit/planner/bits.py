@@ -14,7 +14,9 @@ from wild import wild_motion
 
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
-from orientd.planner import DEFAULT_LIMITS, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 PERIOD = 0.002
 NEAREST = 1e-2

@@ -4,7 +4,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import PlanError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 PERIOD = 0.002
 

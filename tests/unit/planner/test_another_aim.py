@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.connect.connector import connector
 from orientd.planner.job import TAKE_OVER_SHARE
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import exp
 
 NORMS = Limits(2.5, 17.0, 300.0, 1.0, 10.0)

@@ -13,10 +13,13 @@ from orientd.driver import AxisLimits
 from orientd.errors import LimitError, PlanError
 from orientd.keep_out import KeepOut
 from orientd.mechanism import Gimbal, Mechanism
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.connect.leads import straight
+from orientd.planner.device_planner import DevicePlanner
 from orientd.planner.fitting import Fitting
 from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing.axes import SHARE, Axes
 from orientd.planner.timing.profiles import quickest
 from orientd.rotation import angle, exp, log, multiply, rotate

@@ -10,7 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from orientd.config.presets import PRESETS
 from orientd.errors import LimitError, RequestError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import exp
 
 SQUAT = Limits.partial(velocity=[1.0, 2.0, 0.6], acceleration=[3.0, 8.0, 2.0], jerk=[60, 200, 90])

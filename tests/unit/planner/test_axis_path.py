@@ -6,12 +6,16 @@ import re
 import numpy as np
 import pytest
 
-from orientd import load_motion, planner
+from orientd import load_motion
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, OrientdError
 from orientd.mechanism.figure import Figure
 from orientd.mechanism.joint_path import JointPath
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner import certifying
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, multiply
 
 PERIOD = 0.01
@@ -43,7 +47,7 @@ def shape_of(motion, q=None, course=None, joints=None, **more):
 
 
 def reshaped(motion, shape, axes=None):
-    return planner.reshaped(motion, shape, limits_of() if axes is None else axes)
+    return certifying.reshaped(motion, shape, limits_of() if axes is None else axes)
 
 
 def test_same_path_as_a_table_is_the_same_motion(motion):

@@ -8,7 +8,11 @@ from planned import LIMITS, PERIOD, differences, rotations, vector
 from reference.aims import end_state, retarget
 
 from orientd.errors import StartError
-from orientd.planner import NOT_BLENDED, Keyframe, Limits, MotionRequest, State, blend, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.blending import NOT_BLENDED, blend
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, multiply
 
 ARM = LIMITS["arm"]

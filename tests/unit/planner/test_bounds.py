@@ -10,8 +10,11 @@ from reference.differences import differences
 
 from orientd.errors import OrientdError
 from orientd.model.limits import DEFAULT_LIMITS, Limits
-from orientd.planner import Keyframe, MotionRequest, State, plan, states_between
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.facts import HISTORY
+from orientd.planner.planning import plan
+from orientd.planner.recorded import states_between
+from orientd.planner.state import State
 from orientd.rotation import exp, multiply
 
 CASES = int(os.environ.get("ORIENTD_CASES", "40000"))

@@ -3,9 +3,12 @@ import pytest
 from planned import LIMITS, PERIOD, differences, random_motions
 from reference.differences import brake_rate
 
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE
+from orientd.planner.planning import plan
 from orientd.planner.recorded import STATE_FLOATS, states_at
+from orientd.planner.state import State
 from orientd.rotation import conjugate, exp, log, multiply
 from orientd.servo.path.time_scaling import TimeScaling
 

@@ -9,7 +9,10 @@ from bench.single_requests import PERIOD, Case, _angles, faults, further, plans
 from bench.single_requests import planned as planned_case
 
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 SOFT, QUICK = Limits(1.0, 1.0, 1.0, 1.0, 10.0), Limits(3.0, 30.0, 30.0, 1.0, 10.0)
 HALF = Keyframe(rotation_vector=(0.0, 0.0, 0.5))

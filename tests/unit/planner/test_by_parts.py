@@ -9,8 +9,10 @@ from planned import LIMITS, PERIOD, differences, rotations, times_of
 
 from orientd.curves import METHODS
 from orientd.errors import PlanError
-from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.path import PositionPath
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.profiles import corners, profiles, retimed
 from orientd.rotation import angle

@@ -6,10 +6,13 @@ from planned import rotations
 from reference.differences import brake_rate
 
 from orientd.floats import difference
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE
 from orientd.planner.certify.measuring import STATE, measure
+from orientd.planner.planning import plan
 from orientd.planner.recorded import STATE_FLOATS, states_at
+from orientd.planner.state import State
 from orientd.rotation import conjugate, exp, log, multiply
 
 H = 0.004

@@ -9,9 +9,12 @@ import pytest
 from planned import LIMITS, PERIOD, times_of
 
 from orientd.errors import LimitError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.certify import summary as summing_up
 from orientd.planner.certify.measuring import measure
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp
 
 ARM = LIMITS["arm"]

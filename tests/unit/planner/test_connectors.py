@@ -6,10 +6,13 @@ import pytest
 from orientd import kernels
 from orientd.curves.hermite import KksQuinticHermite
 from orientd.curves.trajectory import PIECE, Trajectory
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.certify.measuring import limit_table
 from orientd.planner.connect.connector import connector, state_row
 from orientd.planner.job import TAKE_OVER_SHARE
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, multiply, normalize
 
 PERIOD = 0.002

@@ -7,8 +7,10 @@ import pytest
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
 from orientd.mechanism import Gimbal
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.fitting import Fitting
+from orientd.planner.state import State
 
 HERE = (1.0, 0.0, 0.0, 0.0)
 

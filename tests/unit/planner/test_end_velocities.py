@@ -13,7 +13,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 PERIOD = 0.002
 CASES = int(os.environ.get("ORIENTD_CASES", "5"))

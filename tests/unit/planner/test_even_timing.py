@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from planned import LIMITS, rotations
 
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.job import PlanJob
 from orientd.planner.path import Path
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing import even
 from orientd.planner.timing.even import evenly_paced, excess
 from orientd.planner.timing.knots import Knots

@@ -12,18 +12,12 @@ from scipy.spatial.transform import Rotation
 from orientd import motion_file
 from orientd.driver import make_driver
 from orientd.errors import RequestError
-from orientd.planner import (
-    DevicePlanner,
-    Frame,
-    Keyframe,
-    MotionRequest,
-    Pose,
-    State,
-    in_device_coordinates,
-    plan,
-    report_frame,
-)
+from orientd.model.request import Frame, Keyframe, MotionRequest, Pose
+from orientd.planner.device_planner import DevicePlanner
 from orientd.planner.offline import plan_offline
+from orientd.planner.planning import plan
+from orientd.planner.resolve import in_device_coordinates, report_frame
+from orientd.planner.state import State
 from orientd.rotation import angle, rotate
 
 LARGEST = LIMITS["quick"]

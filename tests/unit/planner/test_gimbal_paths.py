@@ -14,7 +14,10 @@ from orientd.mechanism.pointing import pointing_error
 from orientd.mechanism.poles import through_poles
 from orientd.mechanism.routing import beginnings, joints_along
 from orientd.mechanism.way import Way
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.rotation import exp, from_axis_angle, from_matrix, multiply
 
 LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)

@@ -15,8 +15,11 @@ from motions import read
 import orientd
 from orientd import processor
 from orientd.curves import METHODS, CurveTask, is_pair, make_curve
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.motion_file import parse
-from orientd.planner import DEFAULT_LIMITS, MotionRequest, State, plan
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import exp, multiply
 
 PROGRAM = Path(__file__).with_name("half_turns.py")
@@ -150,6 +153,6 @@ def test_many_half_turns_are_counted():
 
 
 def test_a_half_turn_from_where_the_device_is_has_a_note():
-    request = MotionRequest([orientd.planner.Keyframe((0.0, 1.0, 0.0, 0.0))])
+    request = MotionRequest([Keyframe((0.0, 1.0, 0.0, 0.0))])
     motion = plan(request, start=State.at_rest(HERE), limits=DEFAULT_LIMITS, period=0.002)
     assert "turned about +x in the body frame; `turns: -1`" in motion.certificate.notes[0]

@@ -5,18 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from orientd.curves import C2Cumulative
+from orientd.curves.interpolating import C2Cumulative
 from orientd.curves.min_acceleration import MinAcceleration
 from orientd.errors import LimitError, OrientdError, PlanError
-from orientd.planner import (
-    DEFAULT_LIMITS,
-    Keyframe,
-    Limits,
-    MotionRequest,
-    State,
-    plan,
-    planning,
-)
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner import planning
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing import even
 from orientd.rotation import exp, multiply
 

@@ -9,17 +9,13 @@ from orientd import load_motion, plots
 from orientd.clock import MonotonicClock
 from orientd.errors import PlanError
 from orientd.keep_out import KeepOut
-from orientd.planner import (
-    DEFAULT_LIMITS,
-    NOT_BLENDED,
-    Keyframe,
-    MotionRequest,
-    State,
-    plan,
-    plan_many,
-)
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.blending import NOT_BLENDED
 from orientd.planner.device_planner import DevicePlanner
-from orientd.planner.offline import plan_offline
+from orientd.planner.offline import plan_many, plan_offline
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import rotate
 from orientd.sun import Sun
 from orientd_loopback import LoopbackDriver

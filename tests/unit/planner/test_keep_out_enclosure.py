@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from orientd.keep_out import KeepOut, cone
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.keep_out.clearance import Cones, rates_between
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import exp, multiply
 from orientd.servo.path.segment import Segment, point_of
 from orientd.stream.records import JOINTS

@@ -10,7 +10,10 @@ import pytest
 
 from orientd.errors import PlanError
 from orientd.keep_out import KeepOut
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import rotate
 
 PERIOD = 0.002

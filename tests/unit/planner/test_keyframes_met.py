@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, multiply, normalize
 
 PERIOD = 0.002

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 from planned import LIMITS, PERIOD, differences, random_motions, times_of
 
 from orientd.driver import ZERO
-from orientd.planner import Limits, MotionRequest, plan
+from orientd.model.limits import Limits
+from orientd.model.request import MotionRequest
+from orientd.planner.planning import plan
 from orientd.rotation import angle, conjugate, rotate
 from orientd.servo.guard import Guard
 from orientd.stream.records import ServoLimits

@@ -7,8 +7,8 @@ from planned import LIMITS, PERIOD, differences, rotations, vector
 from reference.ruckig_turn import fastest
 
 from orientd.errors import PlanError
-from orientd.model.limits import is_still
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits, is_still
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.connect.connector import connector
 from orientd.planner.connect.leads import (
     LEAD_SHARE,
@@ -17,6 +17,8 @@ from orientd.planner.connect.leads import (
     from_rest,
     lead_out,
 )
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing.axis_turn import usable
 from orientd.rotation import angle, conjugate, exp, log, multiply
 

@@ -4,7 +4,10 @@ from dataclasses import replace
 import pytest
 
 from orientd.errors import RequestError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 ARM = DEFAULT_LIMITS
 

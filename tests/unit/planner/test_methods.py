@@ -6,8 +6,10 @@ from planned import LIMITS, PERIOD, differences, rotations
 
 from orientd.curves import METHODS, is_pair, options_of
 from orientd.errors import LimitError, PlanError, RequestError
-from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.methods import can_turn
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp
 
 ARM = LIMITS["arm"]

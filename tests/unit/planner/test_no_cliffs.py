@@ -8,7 +8,10 @@ import pytest
 
 from orientd import kernels
 from orientd.errors import OrientdError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing.axis_turn import usable
 from orientd.rotation import exp, multiply
 

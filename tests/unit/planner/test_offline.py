@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import orientd
 from orientd.errors import RequestError
-from orientd.planner import Keyframe, Limits, MotionRequest
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 
 KEYS = Rotation.from_rotvec([[0, 0, 0], [0, 0.2, 0.5], [0.3, 0, 1]])
 

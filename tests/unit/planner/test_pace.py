@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import orientd
 from orientd.errors import PlanError, RequestError
-from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing.profiles import aimed_at
 
 ARM = LIMITS["arm"]

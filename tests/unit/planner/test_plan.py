@@ -8,7 +8,10 @@ from reference.aims import end_state
 
 from orientd.curves import Trajectory
 from orientd.errors import LimitError, PlanError, RequestError, StartError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, multiply, rotate
 
 ARM = LIMITS["arm"]

@@ -7,7 +7,10 @@ import pytest
 
 from orientd.driver import AxisLimits
 from orientd.mechanism import Gimbal
-from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, multiply
 
 LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)

@@ -6,9 +6,12 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from orientd import rotation
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.path.position import PositionPath, position_path
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 RANDOM = np.random.default_rng(11)
 TIMES = np.cumsum(RANDOM.uniform(0.3, 1.2, 8))

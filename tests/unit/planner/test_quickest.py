@@ -11,12 +11,15 @@ from reference.ruckig_turn import fastest
 
 from orientd.curves import METHODS
 from orientd.errors import RequestError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.certify.measuring import measure
 from orientd.planner.certify.summary import before
 from orientd.planner.job import PlanJob
 from orientd.planner.path.path import Path
 from orientd.planner.path.position import PositionPath
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.planner.timing.profiles import aimed_at, quickest
 from orientd.rotation import exp, multiply

@@ -9,8 +9,10 @@ import pytest
 import orientd
 from orientd import config
 from orientd.errors import ConfigError, OrientdError, RequestError
+from orientd.model.limits import DEFAULT_LIMITS, Limits
 from orientd.motion_file import parse
-from orientd.planner import DEFAULT_LIMITS, Limits, State, plan
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 CASES = int(os.environ.get("ORIENTD_CASES", "40"))
 TURN = [

@@ -5,7 +5,10 @@ import pytest
 from asked import made
 from planned import LIMITS, PERIOD, rotations
 
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 
 ARM = LIMITS["arm"]
 

@@ -5,13 +5,17 @@ import pytest
 from hand_held import recorded, truth
 from reference.aims import end_state
 
-from orientd import planner, rotation
-from orientd.curves import fit_orientations
+from orientd import rotation
+from orientd.curves.fitting import fit_orientations
 from orientd.errors import PlanError, RequestError
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner import planning
+from orientd.planner.state import State
 from orientd.planner.task import plan_as_recorded, replay_request
 
 PERIOD = 0.002
-NARROW = planner.Limits(1.0, 5.0, 100.0, 1.0, 10.0)
+NARROW = Limits(1.0, 5.0, 100.0, 1.0, 10.0)
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +25,8 @@ def fit():
 
 def planned_for(limits, start=(1.0, 0.0, 0.0, 0.0)):
     def plan(request):
-        at = planner.State.at_rest(start)
-        return planner.plan(request, start=at, limits=limits, period=PERIOD)
+        at = State.at_rest(start)
+        return planning.plan(request, start=at, limits=limits, period=PERIOD)
 
     return plan
 
@@ -37,7 +41,7 @@ def peaks(motion):
     return [float(np.linalg.norm(d, axis=1).max()) for d in derivatives]
 
 
-@pytest.mark.parametrize("limits", [planner.DEFAULT_LIMITS, NARROW], ids=["default", "narrow"])
+@pytest.mark.parametrize("limits", [DEFAULT_LIMITS, NARROW], ids=["default", "narrow"])
 def test_a_replay_keeps_the_limits_from_rest_to_rest(fit, limits):
     motion, _, _ = plan_as_recorded(fit, planned_for(limits))
     velocity, acceleration, jerk = peaks(motion)
@@ -50,11 +54,11 @@ def test_a_recording_at_rest_is_nothing_to_replay():
     t = np.arange(0.0, 2.0, 0.02)
     fit = fit_orientations(t, np.tile(truth(1.0), (len(t), 1)))
     with pytest.raises(PlanError, match="at rest: its 100 samples have one orientation"):
-        plan_as_recorded(fit, planned_for(planner.DEFAULT_LIMITS))
+        plan_as_recorded(fit, planned_for(DEFAULT_LIMITS))
 
 
 def test_a_replay_within_the_limits_is_as_fast_as_what_was_recorded(fit):
-    motion, _, slower = plan_as_recorded(fit, planned_for(planner.DEFAULT_LIMITS))
+    motion, _, slower = plan_as_recorded(fit, planned_for(DEFAULT_LIMITS))
     assert slower == 1.0
     times = np.linspace(0.0, np.ptp(fit.times), 400)
     sampled = motion.sample(motion.start_time + times).q
@@ -89,7 +93,7 @@ def test_knots_come_through_a_motion_file(fit):
     request = replay_request(fit, slower=1.0)
     again = motion_file.parse(motion_file.written(request))
     assert list(again.options["knots"]) == list(request.options["knots"])
-    plan = planned_for(planner.DEFAULT_LIMITS)
+    plan = planned_for(DEFAULT_LIMITS)
     one, other = plan(request), plan(again)
     assert float(rotation.angle(end_state(one).q, end_state(other).q)) < 1e-9
     assert one.duration == pytest.approx(other.duration)
@@ -105,10 +109,10 @@ def test_knots_come_through_a_motion_file(fit):
     ],
 )
 def test_knots_that_are_none_are_refused(knots, problem):
-    keyframes = [planner.Keyframe(tuple(q)) for q in truth(np.arange(4.0)).tolist()]
-    request = planner.MotionRequest(
+    keyframes = [Keyframe(tuple(q)) for q in truth(np.arange(4.0)).tolist()]
+    request = MotionRequest(
         keyframes, method="kks_bspline", approach=True, options={"knots": knots}
     )
     with pytest.raises(RequestError, match=problem) as caught:
-        planned_for(planner.DEFAULT_LIMITS)(request)
+        planned_for(DEFAULT_LIMITS)(request)
     assert caught.value.field == "options.knots"

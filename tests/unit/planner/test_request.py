@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from orientd.errors import RequestError
-from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.state import State
 from orientd.rotation import exp, rotate
 
 ONE = (1.0, 0.0, 0.0, 0.0)

@@ -9,7 +9,10 @@ from reference.aims import end_state, retarget
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import LimitError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, exp, multiply
 from orientd.tolerances import GUARD_TOLERANCE
 

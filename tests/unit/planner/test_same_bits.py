@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 from bits import FAMILIES, PERIOD
 
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import exp
 
 PROGRAM = Path(__file__).with_name("bits.py")

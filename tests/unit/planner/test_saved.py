@@ -15,7 +15,9 @@ from orientd import plots
 from orientd.driver import AxisLimits
 from orientd.errors import OrientdError, RequestError
 from orientd.mechanism.joint_path import JointPath
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, reshaped
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.certifying import reshaped
 from orientd.rotation import Quaternion, angle
 
 KEYS = Rotation.from_rotvec([[0, 0, 0], [0, 0.2, 0.5], [0.3, 0, 0.9]])

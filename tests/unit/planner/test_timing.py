@@ -5,7 +5,9 @@ import pytest
 from planned import LIMITS, anywhere, random_request
 
 from orientd.errors import RequestError
-from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.planner.timing.knots import chord_knots
 from orientd.rotation import exp
 

@@ -8,7 +8,9 @@ from motions import read
 
 from orientd import motion_file
 from orientd.errors import LimitError, PlanError, RequestError
-from orientd.planner import Limits, State, plan
+from orientd.model.limits import Limits
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import conjugate, exp, log, multiply, rotate
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.connect.connector import turn_to_stop
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import angle, between, exp, log
 
 PERIOD = 0.002

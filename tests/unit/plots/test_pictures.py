@@ -10,7 +10,10 @@ import pytest
 
 from orientd.curves import METHODS, CurveTask, make_curve
 from orientd.errors import OrientdError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import from_euler
 
 pytest.importorskip("matplotlib")

@@ -6,7 +6,7 @@ import pytest
 
 from orientd import motion_file
 from orientd.errors import RequestError
-from orientd.planner import DEFAULT_LIMITS
+from orientd.model.limits import DEFAULT_LIMITS
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.columns import keyframe_columns, keyframe_rows
 from orientd.protocol.limits import limits_from_message, limits_to_message, limits_to_wish

@@ -13,7 +13,7 @@ from orientd.protocol import control_pb2 as pb
 from orientd.recorder.mcap_file import LARGEST_CHUNK, Damages, records
 from orientd.recorder.reader import load_recording
 from orientd.recorder.writer import RecordingError, RecordingWriter
-from orientd_replay import read_orientations
+from orientd_replay.orientations import read_orientations
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
 COUNT = 600

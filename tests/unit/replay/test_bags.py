@@ -11,7 +11,7 @@ import pytest
 from orientd import rotation
 from orientd.errors import OrientdError
 from orientd.recorder.writer import RecordingError
-from orientd_replay import read_orientations
+from orientd_replay.orientations import read_orientations
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 typesys = pytest.importorskip("rosbags.typesys")

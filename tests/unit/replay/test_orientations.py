@@ -14,7 +14,7 @@ from orientd import rotation
 from orientd.recorder import reader
 from orientd.recorder.tables import export
 from orientd.recorder.writer import RecordingError, RecordingWriter
-from orientd_replay import read_orientations
+from orientd_replay.orientations import read_orientations
 
 TIMES = 1000.0 + 0.05 * np.arange(20)
 Q = rotation.exp(np.outer(0.05 * np.arange(20), [0.0, 0.6, 0.8]))

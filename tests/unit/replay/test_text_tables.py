@@ -10,7 +10,7 @@ from command_line import orientd
 
 from orientd import rotation
 from orientd.recorder.writer import RecordingError
-from orientd_replay import read_orientations
+from orientd_replay.orientations import read_orientations
 
 CASES = int(os.environ.get("ORIENTD_CASES", "10"))
 START_NS = 1_403_636_579_758_555_392

@@ -8,9 +8,11 @@ from rig import PERIOD, Rig
 from orientd import rotation
 from orientd.daemon.device import queue
 from orientd.errors import OrientdError
-from orientd.planner import Keyframe, Limits, MotionRequest, plan
-from orientd.planner import State as PlannedState
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
 from orientd.planner.certify.measuring import measure
+from orientd.planner.planning import plan
+from orientd.planner.state import State as PlannedState
 from orientd.servo.path.path_follower import PathPart
 from orientd.stream.records import UNKNOWN, Answer, Command
 from orientd.tolerances import GUARD_TOLERANCE

@@ -18,11 +18,16 @@ from direct_planners import recorded, state_at
 from rig import PERIOD, Rig
 from setpoint_checker import reached
 
-from orientd import planner, rotation
+from orientd import rotation
 from orientd.daemon.device.queue import MotionQueue, servo_limits_of
 from orientd.daemon.device.queued_motion import QueuedMotion
 from orientd.errors import LateError, LimitError, NotYetError, PlanError, StateError
-from orientd.planner import HISTORY, Keyframe, Limits, MotionRequest, RecordedMotion, State, rows_of
+from orientd.model.limits import UNITS, Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner import blending, planning
+from orientd.planner.facts import HISTORY
+from orientd.planner.recorded import RecordedMotion, rows_of
+from orientd.planner.state import State
 from orientd.stream.records import (
     NOT_GIVEN,
     UNKNOWN,
@@ -156,9 +161,7 @@ class Fuzz:
     def plan(self, start):
         # Now and then for lower limits, which refuses what moves beyond them.
         share = self.random.choice([1.0, 1.0, 0.7, 0.4])
-        lower = self.limits.with_rates(
-            {name: share * getattr(self.limits, name) for name in planner.UNITS}
-        )
+        lower = self.limits.with_rates({name: share * getattr(self.limits, name) for name in UNITS})
         try:
             return self.planned(start, lower)
         except (LimitError, PlanError):
@@ -166,7 +169,7 @@ class Fuzz:
 
     def planned(self, start, limits):
         request = self.request()
-        return recorded(planner.plan(request, start=start, limits=limits, period=PERIOD))
+        return recorded(planning.plan(request, start=start, limits=limits, period=PERIOD))
 
     def retarget(self):
         self.tend()
@@ -219,7 +222,7 @@ class Fuzz:
         facts = last.motion.facts
         count = HISTORY + facts.record_count
         try:
-            record, motion = planner.blend(
+            record, motion = blending.blend(
                 RecordedMotion(facts, rows_of(last.motion.read(-HISTORY, count))),
                 self.request(),
                 tolerance=float(self.random.choice([0.0, 0.02, 0.1])),

@@ -7,7 +7,10 @@ import pytest
 
 from orientd.floats import difference, plus, rotate
 from orientd.keep_out import KeepOut
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import from_axis_angle, multiply, normalize
 from orientd.servo.keep_out_cones import MOST_DRIFT, KeepOutCones
 from orientd.servo.tracking.tracker import Tracker

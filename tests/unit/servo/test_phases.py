@@ -8,8 +8,9 @@ from rides import LIMITS, SOME_METHODS, Ride, Track, motions
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import OrientdError
-from orientd.planner import Keyframe, MotionRequest, plan
-from orientd.planner import State as PlannedState
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State as PlannedState
 from orientd.servo.path.segment import Segment, point_of
 from orientd.tolerances import GUARD_TOLERANCE
 

@@ -7,7 +7,10 @@ import pytest
 from rides import KINDS, SOME_METHODS, Ride, Track, motions, servo_limits_of
 from rig import PERIOD
 
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.model.limits import Limits
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner.planning import plan
+from orientd.planner.state import State
 from orientd.rotation import exp
 from orientd.stream.records import UNKNOWN, Command, ServoState
 

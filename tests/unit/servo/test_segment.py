@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from orientd import floats
-from orientd.planner import states_between
+from orientd.planner.recorded import states_between
 from orientd.servo.path.segment import PathPoint, Segment, law_between
 
 PERIOD = 0.002

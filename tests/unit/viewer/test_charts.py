@@ -5,7 +5,7 @@ from itertools import combinations
 import pytest
 from test_words import DEVICE, changed
 
-from orientd.planner import DEFAULT_LIMITS
+from orientd.model.limits import DEFAULT_LIMITS
 from orientd.protocol.limits import limits_to_message
 from orientd.viewer.charts import COLUMNS, charts_of
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from orientd.errors import Fault
-from orientd.planner import DEFAULT_LIMITS
+from orientd.model.limits import DEFAULT_LIMITS
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import quaternion
 from orientd.protocol.limits import limits_to_message

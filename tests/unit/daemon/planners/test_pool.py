@@ -15,7 +15,8 @@ from orientd.daemon.planners.messages import CHUNK, PlanRequest, Rank, record_at
 from orientd.daemon.planners.pool import MOST_WAITING, Planners
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
-from orientd.planner import MOTION_RECORD, DevicePlanner
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.facts import MOTION_RECORD
 
 SETTINGS = config.default_settings().devices["arm"]
 HERE = record_at_rest(IDENTITY, ZERO, ())

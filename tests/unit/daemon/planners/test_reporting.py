@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from orientd import planner
 from orientd.daemon.planners import reporting
 from orientd.errors import RequestError
+from orientd.model.limits import DEFAULT_LIMITS
+from orientd.model.request import Keyframe, MotionRequest
+from orientd.planner import planning
+from orientd.planner.state import State
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import samples
 
@@ -13,13 +16,11 @@ from orientd.protocol.reports import samples
 @pytest.fixture(scope="module")
 def motion():
     keyframes = [
-        planner.Keyframe((1.0, 0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0)),
-        planner.Keyframe((0.8, 0.6, 0.0, 0.0), position=(0.1, -0.2, 0.3)),
+        Keyframe((1.0, 0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0)),
+        Keyframe((0.8, 0.6, 0.0, 0.0), position=(0.1, -0.2, 0.3)),
     ]
-    start = planner.State.at_rest(keyframes[0].q)
-    return planner.plan(
-        planner.MotionRequest(keyframes), start=start, limits=planner.DEFAULT_LIMITS, period=0.002
-    )
+    start = State.at_rest(keyframes[0].q)
+    return planning.plan(MotionRequest(keyframes), start=start, limits=DEFAULT_LIMITS, period=0.002)
 
 
 @pytest.mark.parametrize("rate_hz", [500.0, 33.3])

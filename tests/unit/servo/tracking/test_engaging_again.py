@@ -6,8 +6,7 @@ from types import SimpleNamespace
 from tracking_world import NS, World, angle, servo_limits
 
 import orientd
-from orientd.client import Clutch
-from orientd.client.clutch import Anchor
+from orientd.client.clutch import Anchor, Clutch
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply, plus
 from orientd.protocol import control_pb2 as pb
