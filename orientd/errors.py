@@ -211,6 +211,26 @@ class NotYetError(LateError):
     """A motion cannot be replaced or followed at this moment; a little later it can."""
 
 
+class MotionStopped(OrientdError):  # noqa: N818 - as asyncio has CancelledError: this is an end
+    """A motion that was stopped before its end.
+
+    Attributes:
+        summary: how it went: a ``MoveSummary``.
+    """
+
+    summary: Any = None
+
+
+class MotionFault(OrientdError):  # noqa: N818
+    """A motion that a fault of its device ended.
+
+    Attributes:
+        summary: how it went: a ``MoveSummary``.
+    """
+
+    summary: Any = None
+
+
 class LeaseError(OrientdError):
     """A command from a client that does not hold the lease."""
 

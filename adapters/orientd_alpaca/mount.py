@@ -151,7 +151,7 @@ class Mount:
         with self.lock:
             self.unfollow()
             if self._handle is not None:
-                self._handle.wait()
+                self._handle.wait(check=False)
             self._target, self._roll = self.commanded()
 
     def _orientation(self, wanted: Direction, roll: float) -> Quaternion:

@@ -263,7 +263,9 @@ def _wait(
     ordered: Sequence[FleetMotion], handles: Sequence[MoveHandle], pool: ThreadPoolExecutor
 ) -> list[Ended]:
     """Wait until all motions have ended; once one ends otherwise than asked, stop the others."""
-    futures = {pool.submit(handle.wait): number for number, handle in enumerate(handles)}
+    futures = {
+        pool.submit(handle.wait, check=False): number for number, handle in enumerate(handles)
+    }
     ended: dict[int, Ended] = {}
     first_bad: FleetMotion | None = None
     for future in as_completed(futures):

@@ -44,7 +44,8 @@ def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapt
     """
     from orientd_serving.served import Served  # `orientd --help` loads this module
 
-    with to.connect(f"serve {name}") as robot, Served(robot, to.device) as served:
+    connected = contextlib.closing(to.connect(f"serve {name}"))
+    with connected as robot, Served(robot, to.device) as served:
         opened = adapter(served)
         with contextlib.closing(opened):
             try:

@@ -184,7 +184,7 @@ class Served:
         with self.lock, contextlib.suppress(OrientdError, TimeoutError):
             if self._moving is not None:
                 self._moving.cancel()
-                self._moving.wait(_LONGEST_STOP)
+                self._moving.wait(_LONGEST_STOP, check=False)
 
     def _leased(self, command: Callable[[], Begun]) -> Begun:
         """Return the result of a command, which takes the lease again if it was lost.

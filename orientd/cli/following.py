@@ -32,11 +32,11 @@ def follow(
         with progress.view(title, out) as show:
             for report in handle:
                 show(report)
-        return handle.wait()
+        return handle.wait(check=False)
     except KeyboardInterrupt:
         handle.cancel()
         try:
-            return handle.wait(CANCEL_TIMEOUT)
+            return handle.wait(CANCEL_TIMEOUT, check=False)
         except TimeoutError as error:
             raise OrientdError(str(error)) from error
 

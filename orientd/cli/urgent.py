@@ -70,10 +70,9 @@ def tell_now(way: Way, device: str, out: Output) -> None:
         OrientdError: the daemon does not answer in time.
     """
     from orientd.client.connection import Connection
-    from orientd.client.robot import after_stop
 
     with contextlib.closing(Connection(way, timeout=_TIMEOUT)) as connection:
-        reports = after_stop(connection, device)
+        reports = connection.after_stop(device)
     tell(reports, out)
 
 

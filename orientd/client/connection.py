@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
@@ -15,7 +15,14 @@ from google.rpc import status_pb2
 from orientd.client.channel import Way
 from orientd.client.daemon_clock import DaemonClock, Reading
 from orientd.client.stop_call import refusal
-from orientd.errors import AccessError, DaemonError, MessageSizeError, OrientdError
+from orientd.errors import (
+    AccessError,
+    DaemonError,
+    LeaseError,
+    MessageSizeError,
+    OrientdError,
+    RequestError,
+)
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.status import DETAILS_KEY, from_status
 from orientd.protocol.stub import control_stub
@@ -24,6 +31,17 @@ Answer = TypeVar("Answer")
 
 _CLOCK_TIMEOUT = 5.0
 """How long the daemon may take to tell its clock, s."""
+
+_REPORT_TIMEOUT = 1.0
+"""Timeout of the daemon's report after a stop, s."""
+
+
+_UNSEEN = (
+    "motion: expected a motion or a motion_id",
+    "keyframes: expected at least 1, got 0",
+    "a command needs the lease",
+)
+"""Errors of a daemon that does not know the fields of a request, as that of version 0.2."""
 
 
 class UnreachableError(DaemonError):
@@ -72,6 +90,34 @@ class Connection:
     def clock(self) -> DaemonClock:
         """The daemon's clock."""
         return DaemonClock(self._read_clock, is_local=not self.way.address)
+
+    @contextlib.contextmanager
+    def naming_versions(self) -> Iterator[None]:
+        """Name both versions if the daemon is of an earlier one, which finds no motion or lease."""
+        try:
+            yield
+        except (LeaseError, RequestError) as error:
+            if not str(error).startswith(_UNSEEN):
+                raise
+            from importlib.metadata import version  # slow to load
+
+            daemon = self.ask(self.stub.GetState, pb.GetStateRequest()).daemon
+            theirs, ours = daemon.version, version("orientd-motion")
+            if theirs == ours:
+                raise
+            problem = f"the daemon at {self.way} is of orientd {theirs}, and cannot"
+            step = f"read the motions of this client, of orientd {ours}; update the older one"
+            raise DaemonError(f"{problem} {step}") from error
+
+    def after_stop(self, device: str) -> list[pb.DeviceReport]:
+        """Return the report of a stopped device, or of all of them if *device* is empty.
+
+        Raises:
+            OrientdError: the daemon does not answer in time.
+        """
+        request = pb.GetStateRequest(device=device)
+        now = self.call(self.stub.GetState, request, timeout=_REPORT_TIMEOUT)
+        return list(now.devices)
 
     def close(self) -> None:
         """Close the channel, which ends every call."""

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from orientd.errors import LimitError, LimitKind, OrientdError
+from orientd.errors import LimitError, LimitKind, MotionStopped, OrientdError
 
 if TYPE_CHECKING:
     from orientd.client.move_handle import MoveHandle
@@ -58,20 +58,24 @@ class EndlessTurn:
         self._thread = threading.Thread(target=self._work, name="orientd turn", daemon=True)
         self._thread.start()
 
-    def wait(self, timeout: float | None = None) -> pb.MoveSummary:
+    def wait(self, timeout: float | None = None, *, check: bool = True) -> pb.MoveSummary:
         """Wait until the device has come to rest, and return the summary of its last motion.
 
         Args:
             timeout: longest wait, s; the turn continues after it.
+            check: whether to raise an error, which has the summary, if a fault ended the turn.
 
         Raises:
+            MotionFault: a fault of the device ended it, and *check* is true.
             TimeoutError: it has not ended.
             OrientdError: the daemon was lost.
         """
         self._thread.join(timeout)
         if self._thread.is_alive():
             raise TimeoutError(f"the turn continues after {timeout:g} s")
-        return self._handle.wait(timeout)
+        with contextlib.suppress(MotionStopped):
+            return self._handle.wait(timeout, check=check)
+        return self._handle.wait(timeout, check=False)
 
     def cancel(self) -> None:
         """Stop it on its path; :meth:`wait` returns when it has come to rest.
@@ -101,11 +105,14 @@ class EndlessTurn:
         seconds = SECONDS
         while True:
             try:
-                return self._robot.turn(self._rate, seconds, **self._fields)
+                handle = self._robot.turn(self._rate, seconds, **self._fields)
             except LimitError as error:
                 seconds = _SHARE * min(seconds, error.time)
                 if error.kind is not LimitKind.RANGE or seconds < _LEAST:
                     raise
+            else:
+                handle.is_endless = True
+                return handle
 
     def _work(self) -> None:
         while not self._handle.is_done:

@@ -17,12 +17,15 @@ from orientd.protocol.columns import keyframe_columns
 from orientd.protocol.values import embedded, field_number
 
 if TYPE_CHECKING:
+    from typing import TypeAlias
+
     from numpy.typing import ArrayLike
 
     from orientd.model.request import MotionRequest
+    from orientd.planner.motion import Motion
 
-    Keyframes = Iterable[object] | Path | MotionRequest
-    """Keyframes, a motion file, or a whole request."""
+    Keyframes: TypeAlias = Iterable[object] | str | Path | MotionRequest | Motion
+    """Keyframes, a motion file, a whole request, or a motion that is planned already."""
 
 _MANY = 1000
 """Keyframes from which on they are sent as columns, if they have such a form."""
@@ -80,13 +83,18 @@ def motion_text(keyframes: Keyframes | MotionText, **fields: Unpack[RequestField
 
     Args:
         keyframes: at least one, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a mapping
-            as in a motion file; or the path of a motion file; or a whole :class:`.MotionRequest`.
-        fields: see :class:`RequestFields`; a motion file and a whole request have their own.
+            as in a motion file.  Or the path of a motion file, or a whole :class:`.MotionRequest`.
+            Or a :class:`.Motion`: its request is planned for the device.
+        fields: see :class:`RequestFields`; the other forms of *keyframes* have their own.
 
     Raises:
         RequestError: it has no text; the message names the field.  The planner checks the values.
         TypeError: a field is given together with a motion file or a whole request.
     """
+    if isinstance(keyframes, str):
+        keyframes = Path(keyframes)
+    elif hasattr(keyframes, "request"):
+        keyframes = keyframes.request
     given: dict[str, Any] = {key: value for key, value in fields.items() if value is not None}
     is_whole = isinstance(keyframes, MotionText | Path) or hasattr(keyframes, "keyframes")
     if is_whole and given:

@@ -21,7 +21,7 @@ from orientd.client.channel import Way
 from orientd.client.connection import Connection, StartAt
 from orientd.client.leases import Leases
 from orientd.client.stop_call import ask_to_stop
-from orientd.errors import DaemonError, LeaseError, OrientdError, RequestError, StateError
+from orientd.errors import OrientdError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.reports import CellReport
 
@@ -39,27 +39,6 @@ if TYPE_CHECKING:
 
 COMMAND_TIMEOUT = 65.0
 """Timeout of a command, s; the daemon gives up waiting for a device sooner."""
-
-_UNSEEN = (
-    "motion: expected a motion or a motion_id",
-    "keyframes: expected at least 1, got 0",
-    "a command needs the lease",
-)
-"""Errors of a daemon that does not know the fields of a request, as that of version 0.2."""
-
-_REPORT_TIMEOUT = 1.0
-"""Timeout of the daemon's report after a stop, s."""
-
-
-def after_stop(connection: Connection, device: str) -> list[pb.DeviceReport]:
-    """Return the report of a stopped device, or of all of them if *device* is empty.
-
-    Raises:
-        OrientdError: the daemon does not answer in time.
-    """
-    request = pb.GetStateRequest(device=device)
-    now = connection.call(connection.stub.GetState, request, timeout=_REPORT_TIMEOUT)
-    return list(now.devices)
 
 
 def connect(
@@ -114,7 +93,8 @@ def connect(
 class Robot:
     """A connection to the daemon; a context manager that releases everything at its end.
 
-    A motion that still runs then is stopped on its path, because it belongs to the lease.
+    Leaving it waits for the running motions and the queued ones.  An exception, such as that of
+    Ctrl-C, and :meth:`close` stop them on their paths, because they belong to the lease.
 
     ``device`` is optional if the daemon has only one device.
     """
@@ -143,8 +123,29 @@ class Robot:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Wait for the motions unless an exception ends the block; then close everything.
+
+        Raises:
+            MotionStopped: another client stopped one, and nothing has waited for it.
+            MotionFault: a fault ended one, and nothing has waited for it.
+            StateError: one does not end by itself soon, so it is stopped on its path.
+        """
+        try:
+            if kind is None:
+                self._await_moves()
+        finally:
+            self.close()
+
+    def _await_moves(self) -> None:
+        with self._moves_lock:
+            moves = [move for move in self._moves if not move.is_told]
+        if any(not move.is_done for move in moves):
+            devices = self.state().devices
+            for move in moves:
+                move.check_ends({name for name, one in devices.items() if one.is_paused})
+        for move in moves:
+            move.wait(check=not move.is_cancelled)
 
     def close(self) -> None:
         """Release the leases, which stops the motions under them, and close the connection."""
@@ -242,13 +243,16 @@ class Robot:
     def _rest(self, kind: str, device: str) -> list[pb.DeviceReport]:
         connection, local = self._connection, self.local_socket
         self._stops[device] += 1
+        with self._moves_lock:
+            for move in self._moves:
+                move.is_cancelled |= not device or move.device in ("", device)
         met = None if local is None else ask_to_stop(local, kind, device)
         if met is None:
             method = self._stub.Stop if kind == "stop" else self._stub.Halt
             request = pb.StopRequest(device=device, caller=self.holder)
             return list(connection.ask(method, request).devices)
         try:
-            return after_stop(connection, device)
+            return connection.after_stop(device)
         except OrientdError:
             # The little that the servos tell.
             known = ((one["name"], f"STATE_{one['state']}", one["motion"]) for one in met)
@@ -402,26 +406,9 @@ class Robot:
             sample_rate_hz=sample_rate_hz,
             plan_timeout=plan_seconds(plan_timeout),
         )
-        with self._naming_versions():
+        with self._connection.naming_versions():
             plan: pb.Plan = self._connection.call(self._stub.Plan, request).plan
         return plan
-
-    @contextlib.contextmanager
-    def _naming_versions(self) -> Iterator[None]:
-        """Name both versions if the daemon is of an earlier one, which finds no motion or lease."""
-        try:
-            yield
-        except (LeaseError, RequestError) as error:
-            if not str(error).startswith(_UNSEEN):
-                raise
-            from importlib.metadata import version  # slow to load
-
-            theirs, ours = self.state().daemon.version, version("orientd-motion")
-            if theirs == ours:
-                raise
-            problem = f"the daemon at {self._connection.way} is of orientd {theirs}, and cannot"
-            step = f"read the motions of this client, of orientd {ours}; update the older one"
-            raise DaemonError(f"{problem} {step}") from error
 
     def planned(
         self, motion_id: str = "", *, device: str = "", sample_rate_hz: float = 0.0
@@ -519,10 +506,12 @@ class Robot:
         if self._stops_of(device) != stops:
             # The daemon only knows of motions that it has been asked for.
             raise StateError("stopped by this client before the motion was asked for")
-        with self._naming_versions():
+        with self._connection.naming_versions():
             handle = MoveHandle(
                 self._connection.call(self._stub.Move, request),
                 explain=self._connection.explain,
+                device=device,
+                has_start_time=start_time is not None,
                 armed_by=armed_by,
                 stop=lambda number: self._connection.ask(
                     self._stub.Stop,
@@ -531,10 +520,10 @@ class Robot:
             )
         if handle.lease is not None:
             self._leases.keep(handle.lease)
-        if self._stops_of(device) != stops:
-            handle.cancel()  # the request may have been on its way
         with self._moves_lock:
             self._moves = [*(move for move in self._moves if not move.is_done), handle]
+        if self._stops_of(device) != stops:
+            handle.cancel()  # the request may have been on its way
         return handle
 
     def home(self, device: str = "") -> MoveHandle:

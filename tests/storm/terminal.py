@@ -61,7 +61,7 @@ def main(socket, uid):
         os.setgroups([])
         os.setgid(uid)
         os.setuid(uid)
-    with orientd.connect(socket) as robot:
+    with contextlib.closing(orientd.connect(socket)) as robot:
         terminal = Terminal(robot)
         print(json.dumps("ready"), flush=True)
         for line in sys.stdin:

@@ -95,7 +95,7 @@ def test_one_stop_ends_every_motion_and_is_acknowledged_by_each(cell, fleet):
     for name, move, robot in zip(cell.names, moves, robots, strict=True):
         assert told[name].problem == ""
         assert told[name].devices[0]["state"] == "STREAMING"
-        assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
+        assert move.wait(20.0, check=False).outcome == pb.OUTCOME_STOPPED
         robot.close()
         line = "fleet: stop by certificate:pendant: arm"
         until(lambda name=name, line=line: line in cell.log(gateway_of(name)), "the log")
@@ -115,7 +115,7 @@ def test_a_daemon_that_hangs_is_stopped_all_the_same(cell, fleet):
         with hanging(cell, "arm-1"):
             told = {one.daemon: one for one in fleet.stop()}
         assert told["arm-1"].devices[0]["state"] == "STREAMING"
-        assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
+        assert move.wait(20.0, check=False).outcome == pb.OUTCOME_STOPPED
 
 
 def test_the_offset_of_a_clock_is_within_its_bound(cell, fleet):
@@ -317,7 +317,7 @@ def test_what_moves_goes_on_when_the_router_dies(cell, fleet):
             with pytest.raises(TimeoutError):
                 move.wait(1.0)
             robot.stop()
-            assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
+            assert move.wait(20.0, check=False).outcome == pb.OUTCOME_STOPPED
         finally:
             cell.start("router")
             cell.await_ready("router")

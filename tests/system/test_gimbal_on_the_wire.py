@@ -2,6 +2,7 @@
 
 import random
 import time
+from contextlib import closing
 
 import pytest
 from gimbal_bench import GimbalDaemon, seldom, tap
@@ -41,7 +42,7 @@ def daemon(tee, tmp_path):
 
 @pytest.fixture
 def robot(daemon):
-    with orientd.connect(daemon.socket) as it:
+    with closing(orientd.connect(daemon.socket)) as it:
         yield it
 
 

@@ -76,7 +76,7 @@ def read_only():
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become somebody else")
 def test_another_user_without_a_home_runs_them_where_nothing_can_be_written(read_only):
-    for name in ("__init__.py", "errors.py", "processor.py", "kernels/__init__.py"):
+    for name in ("__init__.py", "errors.py", "one_line.py", "processor.py", "kernels/__init__.py"):
         (read_only / "orientd" / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / "orientd" / name, read_only / "orientd" / name)
     library = processor.library()

@@ -65,7 +65,8 @@ class Handle:
     def __init__(self):
         self.progress = type("Progress", (), {"path_time": 2.0, "duration": 3.0})
 
-    def wait(self, timeout=None):
+    def wait(self, timeout=None, *, check=True):
+        assert check
         self.is_done = True
         return "came to rest"
 
@@ -105,7 +106,8 @@ class Turning:
     def is_done(self):
         return self._robot.now >= self._begun + self._seconds
 
-    def wait(self, timeout=None):
+    def wait(self, timeout=None, *, check=True):
+        assert check
         if not self.is_done:
             self._robot.now += timeout
         return "came to rest"

@@ -121,7 +121,7 @@ def moving_with_the_lease_of(page, daemon):
     """A motion of another program that shares the lease of a page, given back in the end."""
     page.ask("lease")
     page.await_line("held by this view")
-    with connect(daemon.socket, holder="ana") as robot:
+    with contextlib.closing(connect(daemon.socket, holder="ana")) as robot:
         robot.acquire_lease(beside=True)
         robot.turn([0.0, 0.0, 0.2], 60.0)
         page.await_line("Moving")

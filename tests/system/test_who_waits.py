@@ -9,6 +9,7 @@ from hanging import SLOW, HangingDaemon
 from harness import DEVICE, spin, until
 
 import orientd
+from orientd.errors import MotionStopped
 from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.world
@@ -74,7 +75,8 @@ def test_a_motion_begins_and_its_handle_cancels_it(daemon):
     with orientd.connect(daemon.socket) as robot:
         handle = robot.move(TURN, device=DEVICE, limits=SLOWLY)
         handle.cancel()
-        handle.wait()
+        with pytest.raises(MotionStopped):
+            handle.wait()
     daemon.assert_hangs()
 
 

@@ -144,7 +144,7 @@ def _ended(handle: MoveHandle) -> pb.MoveSummary:
     """Return the summary of a motion once it has ended; a fault is an error."""
     from orientd.protocol import control_pb2 as pb
 
-    summary = handle.wait()
+    summary = handle.wait(check=False)
     if summary.outcome == pb.OUTCOME_FAULT:
         raise OrientdError(f"the device faulted: {summary.text}")
     return summary

@@ -62,7 +62,8 @@ class Moving:
     def __init__(self, error=None):
         self.error, self.cancelled = error, threading.Event()
 
-    def wait(self):
+    def wait(self, *, check):
+        assert not check
         if self.error is not None:
             raise self.error
         assert self.cancelled.wait(10.0)
