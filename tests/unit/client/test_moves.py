@@ -1,6 +1,7 @@
 """The motions that a client keeps, to stop them at its end."""
 
 import threading
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import orientd
@@ -40,7 +41,9 @@ def test_motions_that_two_threads_begin_are_both_stopped_at_the_end(tmp_path, mo
     monkeypatch.setattr(
         robot,
         "_connection",
-        SimpleNamespace(call=lambda *_: None, explain=None, close=lambda: None),
+        SimpleNamespace(
+            call=lambda *_: None, explain=None, close=lambda: None, naming_versions=nullcontext
+        ),
     )
     robot._stub = SimpleNamespace(Move=None)
     move("first")
