@@ -116,14 +116,15 @@ $(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
 	@touch $@
 
 # Installs extras in the versions of tests/constraints.txt, or in the newest allowed ones if one of them is missing.
-# pip would compile one module after the other, with the tests of all packages and every dialect of MAVLink.
+# pip would compile one module after the other, with the tests of all packages, every dialect of MAVLink, and the
+# tools that are compiled already or that no test imports.
 INSTALL = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
 define install
 @echo "installing orientd with what it needs [$(1)]: some minutes"
 @$(INSTALL) -c tests/constraints.txt -e ".[$(1)]" || { \
     echo "not with the versions of tests/constraints.txt: with the newest that are allowed"; \
     $(INSTALL) -e ".[$(1)]"; }
-@$(BIN)/python -m compileall -qq -j 0 -x '/site-packages/.*/(tests?|dialects)/' $(VENV)/lib || true
+@$(BIN)/python -m compileall -qq -j 0 -x '/site-packages/(.*/(tests?|dialects)|mypyc?|pip|playwright|setuptools)/' $(VENV)/lib || true
 endef
 
 $(VENV)/.dev: pyproject.toml tests/constraints.txt $(KERNELS) $(VENV)/.pip

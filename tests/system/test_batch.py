@@ -12,8 +12,8 @@ from harness import children, until
 pytest.importorskip("joblib")
 pytest.importorskip("pyarrow")
 
-REQUESTS = 700
-"""Three parts and a half."""
+REQUESTS = 500
+"""Two parts and a half."""
 
 
 def command_line(pid):
