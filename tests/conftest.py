@@ -87,7 +87,8 @@ def pytest_addoption(parser):
         "--systems",
         choices=("all", "virtual", "processes", "terminals"),
         default="all",
-        help="run only the tests of this kind; those in virtual time, of processes, of terminals",
+        help="run only the tests of this kind: in virtual time or without any, with processes, "
+        "with terminals",
     )
     parser.addoption("--seed", default="1", help="seed of the world")
 
@@ -105,9 +106,9 @@ def kind_of(item):
         return "virtual"
     tests = Path(__file__).parent
     if not item.path.is_relative_to(tests):
-        return "processes"
+        return "processes" if item.path.is_relative_to(tests.parent / "examples") else "virtual"
     folder = item.path.relative_to(tests).parts[:-1]
-    if folder[0] in ("world", "emulated"):
+    if folder[0] in ("world", "emulated", "unit", "docs"):
         return "virtual"
     is_terminal = TERMINALS.intersection(item.fixturenames) or folder[-1] == "dynamixel"
     return "terminals" if is_terminal else "processes"
