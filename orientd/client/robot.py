@@ -142,8 +142,9 @@ class Robot:
             moves = [move for move in self._moves if not move.is_told]
         if any(not move.is_done for move in moves):
             devices = self.state().devices
+            paused = [name for name, report in devices.items() if report.is_paused]
             for move in moves:
-                move.check_ends({name for name, one in devices.items() if one.is_paused})
+                move.check_ends(paused)
         for move in moves:
             move.wait(check=not move.is_cancelled)
 
